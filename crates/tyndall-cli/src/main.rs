@@ -1,0 +1,3 @@
+//! The command `tyndall`.
+
+fn main() {}

@@ -1,0 +1,9 @@
+//! Particle files in, pictures out.
+//!
+//! [`Sequence::open`] recognises a file by its content and reads its frames one at a time; [`write`] puts an image on disk.
+
+pub mod read;
+pub mod sequence;
+pub mod write;
+
+pub use sequence::{Frame, Options, Sequence};

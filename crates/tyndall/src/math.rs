@@ -1,0 +1,77 @@
+//! Vectors' companions: boxes, rays, and where a ray meets a sphere or a box.
+//!
+//! `enter_sphere` is the one formula of sphere visibility: every structure, width of SIMD and machine uses these steps in this
+//! order, without fused multiply-add, so that they agree bit for bit.
+
+use glam::Vec3;
+
+/// An axis-aligned box. Empty when `min` exceeds `max`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Bounds {
+    /// Smallest coordinates.
+    pub min: Vec3,
+    /// Largest coordinates.
+    pub max: Vec3,
+}
+
+impl Bounds {
+    /// The box that holds nothing.
+    pub const EMPTY: Self = Self { min: Vec3::INFINITY, max: Vec3::NEG_INFINITY };
+
+    /// The smallest box that holds `self` and `point`.
+    pub fn with(self, point: Vec3) -> Self {
+        Self { min: self.min.min(point), max: self.max.max(point) }
+    }
+
+    /// The smallest box that holds both.
+    pub fn union(self, other: Self) -> Self {
+        Self { min: self.min.min(other.min), max: self.max.max(other.max) }
+    }
+
+    /// The box grown by `margin` on every side.
+    pub fn grown(self, margin: f32) -> Self {
+        Self { min: self.min - margin, max: self.max + margin }
+    }
+
+    /// Whether the box holds no point.
+    pub fn is_empty(&self) -> bool {
+        !(self.min.cmple(self.max).all())
+    }
+
+    /// The middle of a box that is not empty.
+    pub fn center(&self) -> Vec3 {
+        0.5 * self.min + 0.5 * self.max
+    }
+
+    /// Edge lengths; zero for the empty box.
+    pub fn extent(&self) -> Vec3 {
+        if self.is_empty() { Vec3::ZERO } else { self.max - self.min }
+    }
+}
+
+/// A half-line, with the open interval of distances that counts.
+#[derive(Clone, Copy, Debug)]
+pub struct Ray {
+    /// Where it starts.
+    pub origin: Vec3,
+    /// Where it goes; unit length.
+    pub direction: Vec3,
+    /// What it meets at this distance or before does not count.
+    pub t_min: f32,
+    /// What it meets at this distance or after does not count.
+    pub t_max: f32,
+}
+
+/// Distance at which `ray` enters the sphere, or `ray.t_max` if it does not enter it before that.
+/// The direction has unit length. A ray that starts inside does not enter.
+#[inline(always)]
+pub fn enter_sphere(ray: &Ray, center: Vec3, radius: f32) -> f32 {
+    let to_center = center - ray.origin;
+    let closest = to_center.x * ray.direction.x + to_center.y * ray.direction.y + to_center.z * ray.direction.z;
+    // A difference of vectors, not of squared lengths: those cancel for a small sphere far away.
+    let off_axis = to_center - closest * ray.direction;
+    let off_axis_sq = off_axis.x * off_axis.x + off_axis.y * off_axis.y + off_axis.z * off_axis.z;
+    let half_chord_sq = radius * radius - off_axis_sq;
+    let t = closest - half_chord_sq.max(0.0).sqrt();
+    if half_chord_sq > 0.0 && ray.t_min < t && t < ray.t_max { t } else { ray.t_max }
+}

@@ -1,0 +1,490 @@
+//! The particles: columns of positions, radii and attributes, checked once on entry.
+//!
+//! A reader fills [`Columns`]; [`Particles::new`] drops what cannot be drawn (positions that are not finite, radii that are
+//! negative or not finite), counts it, and keeps the place in the file of what stays. After that nothing downstream checks again.
+//!
+//! Invariants of [`Particles`]: all columns have the same length, below 2^32; positions are finite; radii are finite and >= 0.
+
+use glam::{DVec3, Vec3};
+use rayon::prelude::*;
+
+use crate::error::{Error, Result};
+use crate::math::Bounds;
+
+/// Centers: an origin in double precision, and single-precision offsets from it, one column an axis.
+///
+/// The origin lies near the middle of the data, so that coordinates far from zero (lidar, cosmology) keep their precision.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Positions {
+    origin: Option<DVec3>,
+    offsets: [Vec<f32>; 3],
+}
+
+impl Positions {
+    /// No positions yet; the origin will be the middle of the first chunk pushed.
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// No positions yet; the origin is known, usually the middle of the simulation's cell.
+    pub fn around(origin: DVec3) -> Self {
+        Self { origin: Some(origin), ..Self::default() }
+    }
+
+    /// Positions from three columns of offsets from `origin`. Panics if their lengths differ.
+    pub fn from_offsets(origin: DVec3, offsets: [Vec<f32>; 3]) -> Self {
+        assert!(offsets.iter().all(|column| column.len() == offsets[0].len()), "columns of one length");
+        Self { origin: Some(origin), offsets }
+    }
+
+    /// Makes room for `count` more positions in all.
+    pub fn reserve(&mut self, count: usize) {
+        for column in &mut self.offsets {
+            column.reserve(count);
+        }
+    }
+
+    /// Appends a chunk. Chunks of some thousand positions are best: the first one decides the origin if there is none yet.
+    pub fn extend(&mut self, chunk: &[DVec3]) {
+        let origin = *self.origin.get_or_insert_with(|| middle(chunk));
+        for (axis, column) in self.offsets.iter_mut().enumerate() {
+            column.extend(chunk.iter().map(|position| (position[axis] - origin[axis]) as f32));
+        }
+    }
+
+    /// How many there are.
+    pub fn len(&self) -> usize {
+        self.offsets[0].len()
+    }
+
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// The point from which the offsets are measured.
+    pub fn origin(&self) -> DVec3 {
+        self.origin.unwrap_or(DVec3::ZERO)
+    }
+
+    /// The columns of offsets from the origin: x, y, z.
+    pub fn offsets(&self) -> [&[f32]; 3] {
+        [&self.offsets[0], &self.offsets[1], &self.offsets[2]]
+    }
+
+    /// The offset of particle `id` from the origin.
+    #[inline(always)]
+    pub fn offset(&self, id: usize) -> Vec3 {
+        Vec3::new(self.offsets[0][id], self.offsets[1][id], self.offsets[2][id])
+    }
+
+    /// The position of particle `id` in the coordinates of its file.
+    pub fn world(&self, id: usize) -> DVec3 {
+        self.origin() + self.offset(id).as_dvec3()
+    }
+}
+
+/// The middle of the finite positions; zero if there are none.
+fn middle(chunk: &[DVec3]) -> DVec3 {
+    let mut min = DVec3::INFINITY;
+    let mut max = DVec3::NEG_INFINITY;
+    for position in chunk.iter().filter(|position| position.is_finite()) {
+        min = min.min(*position);
+        max = max.max(*position);
+    }
+    if min.cmple(max).all() { 0.5 * min + 0.5 * max } else { DVec3::ZERO }
+}
+
+/// The values of an attribute, particle by particle; the components of one particle stand side by side.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Values {
+    /// 32-bit floats.
+    F32(Vec<f32>),
+    /// 64-bit floats, kept where 32 bits would lose what the file says.
+    F64(Vec<f64>),
+    /// 32-bit integers; narrower ones are widened to it.
+    I32(Vec<i32>),
+    /// 64-bit integers.
+    I64(Vec<i64>),
+    /// Bytes, also for colors and truth values.
+    U8(Vec<u8>),
+    /// Words: `names[codes[k]]`.
+    Text {
+        /// Which name each particle has.
+        codes: Vec<u32>,
+        /// The names, in order of first appearance.
+        names: Vec<String>,
+    },
+}
+
+/// Runs the same expression on whichever vector `Values` holds.
+macro_rules! each_column {
+    ($values:expr, $column:ident => $body:expr) => {
+        match $values {
+            Values::F32($column) => $body,
+            Values::F64($column) => $body,
+            Values::I32($column) => $body,
+            Values::I64($column) => $body,
+            Values::U8($column) => $body,
+            Values::Text { codes: $column, .. } => $body,
+        }
+    };
+}
+
+impl Values {
+    /// How many values there are: particles times components.
+    pub fn len(&self) -> usize {
+        each_column!(self, column => column.len())
+    }
+
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// The value at `place` as a number; a word counts as its code.
+    #[inline(always)]
+    pub fn number(&self, place: usize) -> f64 {
+        match self {
+            Self::F32(column) => column[place] as f64,
+            Self::F64(column) => column[place],
+            Self::I32(column) => column[place] as f64,
+            Self::I64(column) => column[place] as f64,
+            Self::U8(column) => column[place] as f64,
+            Self::Text { codes, .. } => codes[place] as f64,
+        }
+    }
+
+    /// The type's name: `f32`, `f64`, `i32`, `i64`, `u8` or `text`.
+    pub fn type_name(&self) -> &'static str {
+        match self {
+            Self::F32(_) => "f32",
+            Self::F64(_) => "f64",
+            Self::I32(_) => "i32",
+            Self::I64(_) => "i64",
+            Self::U8(_) => "u8",
+            Self::Text { .. } => "text",
+        }
+    }
+
+    /// Whether the values are integers or words: things to count, not to measure.
+    pub fn is_discrete(&self) -> bool {
+        !matches!(self, Self::F32(_) | Self::F64(_))
+    }
+
+    fn retain(&mut self, components: usize, keep: &[bool]) {
+        each_column!(self, column => {
+            let mut place = 0;
+            column.retain(|_| {
+                place += 1;
+                keep[(place - 1) / components]
+            });
+        })
+    }
+}
+
+/// A named quantity of every particle.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Attribute {
+    /// Its name in the file.
+    pub name: String,
+    /// Values a particle: 1 for a scalar, 3 for a vector.
+    pub components: usize,
+    /// Its unit, where the file or its format tells.
+    pub unit: Option<String>,
+    /// `components` values for every particle.
+    pub values: Values,
+}
+
+impl Attribute {
+    /// An attribute without a unit.
+    pub fn new(name: impl Into<String>, components: usize, values: Values) -> Self {
+        Self { name: name.into(), components, unit: None, values }
+    }
+
+    /// Component `component` of particle `id`.
+    #[inline(always)]
+    pub fn number(&self, id: usize, component: usize) -> f64 {
+        self.values.number(id * self.components + component)
+    }
+}
+
+/// How large the particles are, in the unit of the positions.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Radii {
+    /// All alike.
+    Uniform(f32),
+    /// By the value of a discrete attribute (integers from 0, or the codes of words): `radii[value]`; values beyond the table
+    /// have its last entry.
+    PerType {
+        /// Which of the particles' attributes holds the type.
+        attribute: usize,
+        /// The radius of each type.
+        radii: Vec<f32>,
+    },
+    /// Each its own: `scale` times the attribute (1/2 where the file holds diameters).
+    PerParticle {
+        /// Which of the particles' attributes holds the size.
+        attribute: usize,
+        /// Radius over attribute.
+        scale: f32,
+    },
+}
+
+/// The simulation's cell.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Cell {
+    /// Its corner.
+    pub origin: DVec3,
+    /// Its edges, from that corner.
+    pub vectors: [DVec3; 3],
+    /// Along which edges it repeats.
+    pub periodic: [bool; 3],
+}
+
+impl Cell {
+    /// The cell's middle.
+    pub fn center(&self) -> DVec3 {
+        self.origin + 0.5 * (self.vectors[0] + self.vectors[1] + self.vectors[2])
+    }
+
+    /// The eight corners.
+    pub fn corners(&self) -> [DVec3; 8] {
+        std::array::from_fn(|corner| {
+            let edges = (0..3).filter(|axis| corner >> axis & 1 == 1).map(|axis| self.vectors[axis]);
+            self.origin + edges.sum::<DVec3>()
+        })
+    }
+}
+
+/// What a reader hands over: nothing is checked yet.
+#[derive(Clone, Debug, Default)]
+pub struct Columns {
+    /// Centers.
+    pub positions: Positions,
+    /// Attributes, in the order of the file.
+    pub attributes: Vec<Attribute>,
+    /// Sizes, where the format itself defines them. `None`: an attribute named like a radius or a diameter is looked for.
+    pub radii: Option<Radii>,
+    /// The simulation's cell, if the file has one.
+    pub cell: Option<Cell>,
+    /// The simulation's time or step.
+    pub time: Option<f64>,
+    /// The unit of lengths, where the file or its format tells.
+    pub length_unit: Option<String>,
+}
+
+/// How many particles were left out on entry, and why.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Dropped {
+    /// A coordinate was NaN or infinite.
+    pub position: u64,
+    /// The radius was negative, NaN or infinite.
+    pub radius: u64,
+}
+
+impl Dropped {
+    /// All of them.
+    pub fn total(&self) -> u64 {
+        self.position + self.radius
+    }
+}
+
+/// Particles that can be drawn. See the module for the invariants.
+#[derive(Clone, Debug)]
+pub struct Particles {
+    positions: Positions,
+    attributes: Vec<Attribute>,
+    radii: Option<Radii>,
+    cell: Option<Cell>,
+    time: Option<f64>,
+    length_unit: Option<String>,
+    dropped: Dropped,
+    places: Option<Vec<u64>>,
+}
+
+/// Names that attributes holding a radius have in the files of the known programs, best first, and radius over value.
+const RADIUS_NAMES: [(&str, f32); 6] =
+    [("radius", 1.0), ("r", 1.0), ("pscale", 1.0), ("diameter", 0.5), ("width", 0.5), ("widths", 0.5)];
+
+impl Particles {
+    /// Checks the columns and drops, counting, what cannot be drawn.
+    ///
+    /// Fails with [`Error::Setting`] if a column's length does not fit or there are 2^32 - 1 particles or more.
+    pub fn new(columns: Columns) -> Result<Self> {
+        let Columns { mut positions, mut attributes, radii, cell, time, length_unit } = columns;
+        let count = positions.len();
+        if count >= u32::MAX as usize {
+            return Err(Error::setting("particles", count, "at most 2^32 - 2 in one layer: split the file"));
+        }
+        if let Some(attribute) = attributes.iter().find(|it| it.values.len() != count * it.components) {
+            let wanted = format!("{count} particles need {} values", count * attribute.components);
+            return Err(Error::setting(&attribute.name, attribute.values.len(), wanted));
+        }
+        let radii = radii.or_else(|| radii_by_name(&attributes));
+
+        let [x, y, z] = positions.offsets();
+        let finite = |id: usize| x[id].is_finite() && y[id].is_finite() && z[id].is_finite();
+        let sized = |id: usize| match &radii {
+            Some(radii) => (0.0..f32::INFINITY).contains(&radius_of(radii, &attributes, id)),
+            None => true,
+        };
+        let (bad_positions, bad_radii) = (0..count)
+            .into_par_iter()
+            .map(|id| if !finite(id) { (1, 0) } else { (0, u64::from(!sized(id))) })
+            .reduce(|| (0, 0), |a, b| (a.0 + b.0, a.1 + b.1));
+        let dropped = Dropped { position: bad_positions, radius: bad_radii };
+
+        let mut places = None;
+        if dropped.total() > 0 {
+            let keep: Vec<bool> = (0..count).into_par_iter().map(|id| finite(id) && sized(id)).collect();
+            for column in &mut positions.offsets {
+                let mut kept = keep.iter();
+                column.retain(|_| *kept.next().expect("one flag a particle"));
+            }
+            for attribute in &mut attributes {
+                attribute.values.retain(attribute.components, &keep);
+            }
+            places = Some((0..count as u64).filter(|&id| keep[id as usize]).collect());
+        }
+        Ok(Self { positions, attributes, radii, cell, time, length_unit, dropped, places })
+    }
+
+    /// How many there are.
+    pub fn len(&self) -> usize {
+        self.positions.len()
+    }
+
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// Centers.
+    pub fn positions(&self) -> &Positions {
+        &self.positions
+    }
+
+    /// Attributes, in the order of the file.
+    pub fn attributes(&self) -> &[Attribute] {
+        &self.attributes
+    }
+
+    /// The attribute of that name: exactly, else ignoring case.
+    pub fn attribute(&self, name: &str) -> Option<&Attribute> {
+        let exact = self.attributes.iter().find(|it| it.name == name);
+        exact.or_else(|| self.attributes.iter().find(|it| it.name.eq_ignore_ascii_case(name)))
+    }
+
+    /// Sizes that the file gives; `None` if it gives none.
+    pub fn radii(&self) -> Option<&Radii> {
+        self.radii.as_ref()
+    }
+
+    /// The radius of particle `id` by `radii`, which may be other than [`Particles::radii`].
+    #[inline(always)]
+    pub fn radius(&self, radii: &Radii, id: usize) -> f32 {
+        radius_of(radii, &self.attributes, id)
+    }
+
+    /// The simulation's cell.
+    pub fn cell(&self) -> Option<&Cell> {
+        self.cell.as_ref()
+    }
+
+    /// The simulation's time or step.
+    pub fn time(&self) -> Option<f64> {
+        self.time
+    }
+
+    /// The unit of lengths.
+    pub fn length_unit(&self) -> Option<&str> {
+        self.length_unit.as_deref()
+    }
+
+    /// How many were dropped on entry.
+    pub fn dropped(&self) -> Dropped {
+        self.dropped
+    }
+
+    /// The place in the file of particle `id`, counted from 0 and with the dropped ones.
+    #[inline(always)]
+    pub fn place(&self, id: usize) -> u64 {
+        self.places.as_ref().map_or(id as u64, |places| places[id])
+    }
+
+    /// The box of the centers, as offsets from the origin.
+    pub fn bounds(&self) -> Bounds {
+        (0..self.len())
+            .into_par_iter()
+            .with_min_len(1 << 14)
+            .fold(|| Bounds::EMPTY, |bounds, id| bounds.with(self.positions.offset(id)))
+            .reduce(|| Bounds::EMPTY, Bounds::union)
+    }
+}
+
+/// The first attribute that is named like a radius.
+fn radii_by_name(attributes: &[Attribute]) -> Option<Radii> {
+    RADIUS_NAMES.iter().find_map(|&(name, scale)| {
+        let attribute =
+            attributes.iter().position(|it| it.components == 1 && it.name.eq_ignore_ascii_case(name))?;
+        Some(Radii::PerParticle { attribute, scale })
+    })
+}
+
+#[inline(always)]
+fn radius_of(radii: &Radii, attributes: &[Attribute], id: usize) -> f32 {
+    match radii {
+        Radii::Uniform(radius) => *radius,
+        Radii::PerType { attribute, radii } => {
+            let kind = attributes[*attribute].number(id, 0).max(0.0) as usize;
+            radii[kind.min(radii.len() - 1)]
+        }
+        Radii::PerParticle { attribute, scale } => scale * attributes[*attribute].number(id, 0) as f32,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn columns(positions: &[DVec3], radii: &[f32]) -> Columns {
+        let mut columns = Columns::default();
+        columns.positions.extend(positions);
+        columns.attributes.push(Attribute::new("radius", 1, Values::F32(radii.to_vec())));
+        columns
+    }
+
+    #[test]
+    fn what_cannot_be_drawn_is_dropped_and_counted() {
+        let nan = DVec3::new(f64::NAN, 0.0, 0.0);
+        let positions = [DVec3::ONE, nan, DVec3::INFINITY, DVec3::ZERO, DVec3::X];
+        let particles = Particles::new(columns(&positions, &[1.0, 1.0, -1.0, -2.0, 3.0])).unwrap();
+        assert_eq!(particles.len(), 2);
+        assert_eq!(particles.dropped(), Dropped { position: 2, radius: 1 });
+        assert_eq!((particles.place(0), particles.place(1)), (0, 4));
+        assert_eq!(particles.attribute("Radius").unwrap().values, Values::F32(vec![1.0, 3.0]));
+        assert_eq!(particles.positions().world(1), DVec3::X);
+    }
+
+    #[test]
+    fn coordinates_far_from_zero_keep_their_precision() {
+        let far = DVec3::new(6.4e6, -2.1e7, 9.9e8);
+        let positions: Vec<DVec3> = (0..100).map(|k| far + DVec3::splat(k as f64 * 1e-3)).collect();
+        let particles = Particles::new(columns(&positions, &[1.0; 100])).unwrap();
+        for (id, position) in positions.iter().enumerate() {
+            assert!(particles.positions().world(id).abs_diff_eq(*position, 1e-6), "particle {id}");
+        }
+    }
+
+    #[test]
+    fn a_column_of_another_length_is_refused() {
+        assert!(Particles::new(columns(&[DVec3::ONE], &[1.0, 2.0])).is_err());
+    }
+
+    #[test]
+    fn no_particles_are_fine() {
+        let particles = Particles::new(Columns::default()).unwrap();
+        assert!(particles.is_empty() && particles.bounds().is_empty());
+    }
+}
