@@ -8,6 +8,12 @@ pub mod film;
 pub mod math;
 pub mod particles;
 pub mod progress;
+pub mod render;
+pub mod scene;
+pub mod structure;
+
+#[cfg(test)]
+mod tests;
 
 pub use error::{Error, Result};
 pub use film::Image;

@@ -1,0 +1,123 @@
+//! Single rays through the hierarchy: nearest hit and any hit, for picking and for light that has no common direction.
+
+use fearless_simd::{Level, dispatch, f32x8, f32x16, prelude::*};
+use fearless_simd_macros::simd;
+use glam::Vec3;
+
+use super::tiles::{LEAF_BIT, child_of, decode};
+use crate::math::Ray;
+use crate::structure::Hit;
+use crate::structure::bvh::{Bvh, LEAF, Leaf};
+
+impl Bvh {
+    /// See [`crate::structure::Structure::intersect`].
+    pub fn intersect(&self, ray: &Ray, except: Option<u32>) -> Option<Hit> {
+        let mut best = None;
+        dispatch!(Level::new(), simd => walk(simd, self, ray, except, Wanted::Nearest(&mut best)));
+        best
+    }
+
+    /// See [`crate::structure::Structure::occluded`].
+    pub fn occluded(&self, ray: &Ray, except: Option<u32>) -> bool {
+        let mut found = false;
+        dispatch!(Level::new(), simd => walk(simd, self, ray, except, Wanted::Any(&mut found)));
+        found
+    }
+}
+
+/// What a walk looks for, and where it puts it.
+enum Wanted<'a> {
+    Nearest(&'a mut Option<Hit>),
+    Any(&'a mut bool),
+}
+
+/// More entries than the deepest hierarchy of 2^32 particles can leave on the stack.
+const STACK: usize = 128;
+
+#[simd]
+fn walk<S: Simd>(simd: S, bvh: &Bvh, ray: &Ray, except: Option<u32>, mut wanted: Wanted) {
+    // No exact zero: a box side parallel to the ray is met far away, on the side where the ray is.
+    let nonzero = |d: f32| if d.abs() < 1e-20 { 1e-20_f32.copysign(d) } else { d };
+    let inv_direction = Vec3::from_array(ray.direction.to_array().map(|d| 1.0 / nonzero(d)));
+    let mut t_far = ray.t_max;
+    let mut stack = [(0.0_f32, 0_u32); STACK];
+    let mut top = usize::from(!bvh.nodes.is_empty());
+    while top > 0 {
+        top -= 1;
+        let (near, child) = stack[top];
+        if near > t_far {
+            continue;
+        }
+        if child & LEAF_BIT != 0 {
+            let place = (child & !LEAF_BIT) as usize;
+            let t = enter_leaf(simd, bvh, place, ray, except);
+            let leaf = &bvh.leaves[place];
+            for (&t, &id) in t.iter().zip(&leaf.id).filter(|&(&t, _)| t < ray.t_max) {
+                match &mut wanted {
+                    Wanted::Nearest(best) => {
+                        Hit::keep_nearer(best, Hit { t, id });
+                        // Clip the ray to the nearest hit: what is behind it is hidden.
+                        t_far = t_far.min(t);
+                    }
+                    Wanted::Any(found) => {
+                        **found = true;
+                        return;
+                    }
+                }
+            }
+            continue;
+        }
+        // Meet the eight boxes at once.
+        let node = &bvh.nodes[child as usize];
+        let (center, half) = decode(simd, node, ray.origin, bvh.slack);
+        let mut enter = f32x8::splat(simd, ray.t_min);
+        let mut leave = f32x8::splat(simd, t_far);
+        for axis in 0..3 {
+            let inv = f32x8::splat(simd, inv_direction[axis]);
+            let (a, b) = ((center[axis] - half[axis]) * inv, (center[axis] + half[axis]) * inv);
+            enter = enter.max(a.min(b));
+            leave = leave.min(a.max(b));
+        }
+        let existing = (1u64 << (node.node_count + node.leaf_count)) - 1;
+        let mut kept = enter.simd_le(leave).to_bitmask() & existing;
+        let enter = enter.to_array();
+        let first = top;
+        while kept != 0 {
+            let child = kept.trailing_zeros() as usize;
+            kept &= kept - 1;
+            // Insertion sort: far before near, so that the nearest is popped first.
+            let mut place = top;
+            while place > first && stack[place - 1].0 < enter[child] {
+                stack[place] = stack[place - 1];
+                place -= 1;
+            }
+            stack[place] = (enter[child], child_of(node, child));
+            top += 1;
+        }
+    }
+}
+
+/// Where the ray enters each of the sixteen particles; `t_max` where it does not. [`crate::math::enter_sphere`] on lanes.
+#[simd]
+fn enter_leaf<S: Simd>(simd: S, bvh: &Bvh, place: usize, ray: &Ray, except: Option<u32>) -> [f32; LEAF] {
+    let leaf: &Leaf = &bvh.leaves[place];
+    let radius = match bvh.radii.get(place) {
+        Some(radii) => f32x16::load_array_ref(simd, radii),
+        None => f32x16::splat(simd, bvh.radius),
+    };
+    let to_center = [0, 1, 2].map(|axis| f32x16::load_array_ref(simd, &leaf.center[axis]) - ray.origin[axis]);
+    let direction = ray.direction.to_array().map(|d| f32x16::splat(simd, d));
+    let closest = to_center[0] * direction[0] + to_center[1] * direction[1] + to_center[2] * direction[2];
+    let off_axis = [0, 1, 2].map(|axis| to_center[axis] - closest * direction[axis]);
+    let off_axis_sq = off_axis[0] * off_axis[0] + off_axis[1] * off_axis[1] + off_axis[2] * off_axis[2];
+    let half_chord_sq = radius * radius - off_axis_sq;
+    let zero = f32x16::splat(simd, 0.0);
+    let t = closest - half_chord_sq.max(zero).sqrt();
+    let t_max = f32x16::splat(simd, ray.t_max);
+    let enters = half_chord_sq.simd_gt(zero) & f32x16::splat(simd, ray.t_min).simd_lt(t) & t.simd_lt(t_max);
+    let mut t = enters.select(t, t_max).to_array();
+    if let Some(place) = except.and_then(|except| leaf.id.iter().position(|&id| id == except)) {
+        t[place] = ray.t_max;
+    }
+    t
+}

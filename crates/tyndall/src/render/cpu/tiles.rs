@@ -1,0 +1,372 @@
+//! The tile sample buffer: primary visibility of many rays at once, in one walk of the hierarchy.
+//!
+//! A tile is 8 x 8 blocks, a block is sixteen rays side by side: sixteen samples of a pixel, or four of 2 x 2 pixels, or one of
+//! 4 x 4. The walk goes front to back; it skips what starts behind the deepest ray of all blocks that it touches, projects the
+//! sixteen particles of a leaf at once, and tests a particle against the sixteen rays of each block it touches in one step.
+//! Result: the same depth and id, bit for bit, that a ray each would find. Boxes and particles are grown by the rounding of the
+//! hit formula before anything is skipped (see `structure::HIT_ROUNDING`).
+
+use fearless_simd::{f32x8, f32x16, prelude::*, u32x16};
+use fearless_simd_macros::simd;
+use glam::Vec3;
+
+use crate::math::Ray;
+use crate::scene::camera::View;
+use crate::structure::HIT_ROUNDING;
+use crate::structure::bvh::{Bvh, LEAF, Leaf, Node, WIDTH};
+
+/// Blocks along a tile's edge, blocks in a tile, rays in a block.
+pub(super) const EDGE: usize = 8;
+pub(super) const BLOCKS: usize = EDGE * EDGE;
+pub(super) const RAYS: usize = 16;
+
+/// A quarter of a tile has its own deepest ray, so that a see-through corner keeps only itself open.
+const QUADS: usize = 4;
+const QUAD_BLOCKS: usize = BLOCKS / QUADS;
+
+/// Where block (x, y) is stored: the blocks of a quad lie side by side.
+#[inline(always)]
+pub(super) fn block_at(x: usize, y: usize) -> usize {
+    ((y / 4) * 2 + x / 4) * QUAD_BLOCKS + (y % 4) * 4 + x % 4
+}
+
+/// The rays of a tile and what each has met so far.
+pub(super) struct Tile {
+    /// By block and axis: the rays' origins (orthographic) or directions (perspective); the other is the view's.
+    pub(super) varying: [[[f32; RAYS]; 3]; BLOCKS],
+    /// Distance to what the ray met; infinite where it met nothing.
+    pub(super) depth: [[f32; RAYS]; BLOCKS],
+    /// What it met; meaningless where it met nothing.
+    pub(super) id: [[u32; RAYS]; BLOCKS],
+    /// The deepest ray of each block and of each quad.
+    block_depth: [f32; BLOCKS],
+    quad_depth: [f32; QUADS],
+}
+
+impl Tile {
+    pub(super) fn new() -> Box<Self> {
+        Box::new(Self {
+            varying: [[[0.0; RAYS]; 3]; BLOCKS],
+            depth: [[f32::INFINITY; RAYS]; BLOCKS],
+            id: [[0; RAYS]; BLOCKS],
+            block_depth: [f32::INFINITY; BLOCKS],
+            quad_depth: [f32::INFINITY; QUADS],
+        })
+    }
+
+    /// Forgets what the rays have met.
+    pub(super) fn clear(&mut self) {
+        self.depth = [[f32::INFINITY; RAYS]; BLOCKS];
+        self.block_depth = [f32::INFINITY; BLOCKS];
+        self.quad_depth = [f32::INFINITY; QUADS];
+    }
+
+    /// The ray of a block and lane.
+    #[inline(always)]
+    pub(super) fn ray(&self, view: &View, block: usize, lane: usize) -> Ray {
+        let varying = Vec3::from_array(std::array::from_fn(|axis| self.varying[block][axis][lane]));
+        let (origin, direction) = if view.perspective { (view.eye, varying) } else { (varying, view.forward) };
+        Ray { origin, direction, t_min: 0.0, t_max: f32::INFINITY }
+    }
+
+    /// Whether something that starts at depth `near` can matter to one of the quads.
+    #[inline(always)]
+    fn is_open(&self, near: f32, quads: u8) -> bool {
+        (0..QUADS).any(|quad| quads >> quad & 1 == 1 && near <= self.quad_depth[quad])
+    }
+
+    /// Tests the particle against the sixteen rays of `block` and keeps what is nearer; equally near, the smaller id.
+    #[simd]
+    fn test<S: Simd>(&mut self, simd: S, view: &View, block: usize, center: Vec3, radius_sq: f32, id: u32) -> bool {
+        let varying = &self.varying[block];
+        let [vx, vy, vz] = [0, 1, 2].map(|axis| f32x16::load_array_ref(simd, &varying[axis]));
+        // `math::enter_sphere`, for sixteen rays at once.
+        let (ox, oy, oz, dx, dy, dz);
+        if view.perspective {
+            let to_center = center - view.eye;
+            [ox, oy, oz] = to_center.to_array().map(|x| f32x16::splat(simd, x));
+            (dx, dy, dz) = (vx, vy, vz);
+        } else {
+            let [cx, cy, cz] = center.to_array().map(|x| f32x16::splat(simd, x));
+            (ox, oy, oz) = (cx - vx, cy - vy, cz - vz);
+            [dx, dy, dz] = view.forward.to_array().map(|x| f32x16::splat(simd, x));
+        }
+        let closest = ox * dx + oy * dy + oz * dz;
+        let (fx, fy, fz) = (ox - closest * dx, oy - closest * dy, oz - closest * dz);
+        let half_chord_sq = f32x16::splat(simd, radius_sq) - (fx * fx + fy * fy + fz * fz);
+        let zero = f32x16::splat(simd, 0.0);
+        let meets = half_chord_sq.simd_gt(zero);
+        if meets.to_bitmask() == 0 {
+            return false;
+        }
+        let t = closest - half_chord_sq.max(zero).sqrt();
+
+        let depth = f32x16::load_array_ref(simd, &self.depth[block]);
+        let enters = meets & zero.simd_lt(t) & t.simd_le(depth);
+        if enters.to_bitmask() == 0 {
+            return false;
+        }
+        let old_id = u32x16::load_array_ref(simd, &self.id[block]);
+        let new_id = u32x16::splat(simd, id);
+        let wins = enters & (t.simd_lt(depth) | new_id.simd_lt(old_id));
+        let depth = wins.select(t, depth);
+        depth.store_array(&mut self.depth[block]);
+        wins.select(new_id, old_id).store_array(&mut self.id[block]);
+        self.block_depth[block] = depth.reduce_max();
+        true
+    }
+
+    #[simd]
+    fn update_quads<S: Simd>(&mut self, simd: S) {
+        for quad in 0..QUADS {
+            let blocks = &self.block_depth[quad * QUAD_BLOCKS..][..QUAD_BLOCKS];
+            self.quad_depth[quad] = f32x16::from_slice(simd, blocks).reduce_max();
+        }
+    }
+}
+
+/// A tile's part of space: axes on which boxes are projected, in units of blocks from the tile's middle.
+///
+/// Along `across[k]` a point `p` measured from the eye lies at `dot(p, across[k]) - shift[k]`, divided by its distance in
+/// front of the eye where the view has perspective.
+pub(super) struct Beam {
+    eye: Vec3,
+    across: [Vec3; 2],
+    shift: [f32; 2],
+    /// Depth along the tile's middle ray: never more than the distance along any of its rays.
+    along: Vec3,
+    forward: Vec3,
+    perspective: bool,
+    /// Largest distance from the eye at which a ray starts, in each coordinate.
+    spread: f32,
+}
+
+impl Beam {
+    /// The beam of the tile whose upper left corner is pixel (x, y), with blocks of `block_px` pixels along an edge.
+    pub(super) fn new(view: &View, x: f32, y: f32, block_px: f32) -> Self {
+        let scale = 1.0 / (view.pixel * block_px);
+        let half = 0.5 * EDGE as f32 * block_px;
+        let middle_u = view.left + (x + half) * view.pixel;
+        let middle_v = view.top - (y + half) * view.pixel;
+        let (right, down) = (view.right * scale, -view.up * scale);
+        let shift = [middle_u * scale, -middle_v * scale];
+        let reach = middle_u.abs() + middle_v.abs() + 2.0 * half * view.pixel;
+        if view.perspective {
+            let along = (view.forward + view.right * middle_u + view.up * middle_v).normalize();
+            let across = [right - shift[0] * view.forward, down - shift[1] * view.forward];
+            Self { eye: view.eye, across, shift: [0.0; 2], along, forward: view.forward, perspective: true, spread: 0.0 }
+        } else {
+            let across = [right, down];
+            Self {
+                eye: view.eye,
+                across,
+                shift,
+                along: view.forward,
+                forward: view.forward,
+                perspective: false,
+                spread: reach,
+            }
+        }
+    }
+}
+
+/// What projected boxes or particles cover: a range of blocks on each axis, and where they start.
+struct Shadow<V> {
+    low: [V; 2],
+    high: [V; 2],
+    near: V,
+    /// Where they end along the view's axis; at or below zero they lie behind the eye.
+    far: V,
+}
+
+/// Projects things at `center` (measured from the eye) that reach `reach(axis)` to both sides along an axis.
+#[inline(always)]
+fn project<S: Simd, V: SimdFloat<S, Element = f32>>(
+    simd: S,
+    beam: &Beam,
+    center: [V; 3],
+    reach: impl Fn(Vec3) -> V,
+) -> Shadow<V> {
+    let splat = |x: f32| V::simd_from(simd, x);
+    let dot = |axis: Vec3| {
+        center[2].mul_add(splat(axis.z), center[1].mul_add(splat(axis.y), center[0] * splat(axis.x)))
+    };
+    let near = dot(beam.along) - reach(beam.along);
+    let mut low = [near; 2];
+    let mut high = [near; 2];
+    for k in 0..2 {
+        let middle = dot(beam.across[k]) - splat(beam.shift[k]);
+        let extent = reach(beam.across[k]);
+        low[k] = middle - extent;
+        high[k] = middle + extent;
+    }
+    if !beam.perspective {
+        return Shadow { low, high, near, far: splat(1.0) };
+    }
+    // Perspective: the sides that face the axis are divided by the far end, the others by the near one.
+    let middle = dot(beam.forward);
+    let extent = reach(beam.forward);
+    let (front, back) = (middle - extent, middle + extent);
+    let zero = splat(0.0);
+    let in_front = front.simd_gt(zero);
+    for k in 0..2 {
+        let by_back = low[k].simd_ge(zero).select(back, front);
+        low[k] = in_front.select(low[k] / by_back, splat(f32::NEG_INFINITY));
+        let by_front = high[k].simd_ge(zero).select(front, back);
+        high[k] = in_front.select(high[k] / by_front, splat(f32::INFINITY));
+    }
+    Shadow { low, high, near, far: back }
+}
+
+impl<V> Shadow<V> {
+    /// Which lanes touch each quad that is still open in front of them, as one bit mask a quad.
+    #[inline(always)]
+    fn open_quads<S: Simd>(&self, simd: S, tile: &Tile) -> [u32; QUADS]
+    where
+        V: SimdFloat<S, Element = f32>,
+    {
+        let splat = |x: f32| V::simd_from(simd, x);
+        let (zero, edge) = (splat(0.0), splat(0.5 * EDGE as f32));
+        let inside = |k: usize| self.low[k].simd_le(edge) & self.high[k].simd_ge(-edge);
+        let touches = inside(0) & inside(1) & self.far.simd_gt(zero);
+        let halves = [0, 1].map(|k| [self.low[k].simd_le(zero), self.high[k].simd_ge(zero)]);
+        std::array::from_fn(|quad| {
+            let open = self.near.simd_le(splat(tile.quad_depth[quad]));
+            (touches & open & halves[0][quad % 2] & halves[1][quad / 2]).to_bitmask() as u32
+        })
+    }
+}
+
+/// A subtree that is still to be walked.
+#[derive(Clone, Copy)]
+pub(super) struct Entry {
+    near: f32,
+    child: u32,
+    quads: u8,
+}
+
+/// Marks a child that is a leaf.
+pub(super) const LEAF_BIT: u32 = 1 << 31;
+
+/// The place of child `child` of `node` among the nodes, or with [`LEAF_BIT`] among the leaves.
+#[inline(always)]
+pub(super) fn child_of(node: &Node, child: usize) -> u32 {
+    let inner = node.node_count as usize;
+    if child < inner { node.first_node + child as u32 } else { LEAF_BIT | (node.first_leaf + (child - inner) as u32) }
+}
+
+/// Middles and half extents of a node's child boxes, measured from `eye`; the extents grown against all rounding.
+#[inline(always)]
+pub(super) fn decode<S: Simd>(simd: S, node: &Node, eye: Vec3, margin: f32) -> ([f32x8<S>; 3], [f32x8<S>; 3]) {
+    let mut center = [f32x8::splat(simd, 0.0); 3];
+    let mut half = center;
+    for axis in 0..3 {
+        let sum: [f32; WIDTH] =
+            std::array::from_fn(|k| (node.lower[axis][k] as u32 + node.upper[axis][k] as u32) as f32);
+        let difference: [f32; WIDTH] =
+            std::array::from_fn(|k| (node.upper[axis][k] as i32 - node.lower[axis][k] as i32) as f32);
+        let half_step = f32x8::splat(simd, 0.5 * node.step[axis]);
+        let to_corner = f32x8::splat(simd, node.corner[axis] - eye[axis]);
+        center[axis] = f32x8::load_array(simd, sum).mul_add(half_step, to_corner);
+        half[axis] = f32x8::load_array(simd, difference) * half_step;
+        half[axis] = (center[axis].abs() + half[axis]).mul_add(HIT_ROUNDING, half[axis] + margin);
+    }
+    (center, half)
+}
+
+/// Finds what every ray of the tile meets. `stack` is scratch.
+#[simd]
+pub(super) fn walk<S: Simd>(simd: S, bvh: &Bvh, view: &View, beam: &Beam, tile: &mut Tile, stack: &mut Vec<Entry>) {
+    stack.clear();
+    if !bvh.nodes.is_empty() {
+        stack.push(Entry { near: 0.0, child: 0, quads: 0b1111 });
+    }
+    while let Some(entry) = stack.pop() {
+        if !tile.is_open(entry.near, entry.quads) {
+            continue;
+        }
+        if entry.child & LEAF_BIT != 0 {
+            draw_leaf(simd, bvh, (entry.child & !LEAF_BIT) as usize, view, beam, tile);
+        } else {
+            push_children(simd, bvh, &bvh.nodes[entry.child as usize], beam, tile, stack);
+        }
+    }
+}
+
+/// Pushes the children that can matter, the nearest last.
+#[simd]
+fn push_children<S: Simd>(simd: S, bvh: &Bvh, node: &Node, beam: &Beam, tile: &Tile, stack: &mut Vec<Entry>) {
+    let margin = HIT_ROUNDING * beam.spread + bvh.slack;
+    let (center, half) = decode(simd, node, beam.eye, margin);
+    let shadow = project(simd, beam, center, |axis| {
+        let [x, y, z] = axis.abs().to_array().map(|x| f32x8::splat(simd, x));
+        half[2].mul_add(z, half[1].mul_add(y, half[0] * x))
+    });
+    let quads = shadow.open_quads(simd, tile);
+    let existing = (1u32 << (node.node_count + node.leaf_count)) - 1;
+    let mut kept = (quads[0] | quads[1] | quads[2] | quads[3]) & existing;
+    let near = shadow.near.to_array();
+    let first = stack.len();
+    while kept != 0 {
+        let child = kept.trailing_zeros() as usize;
+        kept &= kept - 1;
+        let mask = (0..QUADS).fold(0, |mask, quad| mask | ((quads[quad] >> child & 1) << quad));
+        let entry = Entry { near: near[child], child: child_of(node, child), quads: mask as u8 };
+        // Insertion sort: at most eight, far before near.
+        stack.push(entry);
+        let mut place = stack.len() - 1;
+        while place > first && stack[place - 1].near < entry.near {
+            stack[place] = stack[place - 1];
+            place -= 1;
+        }
+        stack[place] = entry;
+    }
+}
+
+/// Draws the particles of a leaf into the tile.
+#[simd]
+fn draw_leaf<S: Simd>(simd: S, bvh: &Bvh, place: usize, view: &View, beam: &Beam, tile: &mut Tile) {
+    let leaf: &Leaf = &bvh.leaves[place];
+    let radius = match bvh.radii.get(place) {
+        Some(radii) => f32x16::load_array_ref(simd, radii),
+        None => f32x16::splat(simd, bvh.radius),
+    };
+    // Project the sixteen particles at once.
+    let center = [0, 1, 2].map(|axis| f32x16::load_array_ref(simd, &leaf.center[axis]) - beam.eye[axis]);
+    let distance = center[0].abs() + center[1].abs() + center[2].abs();
+    let margin = HIT_ROUNDING * beam.spread;
+    let grown = radius + (distance + radius).mul_add(HIT_ROUNDING, f32x16::splat(simd, margin));
+    let shadow = project(simd, beam, center, |axis| grown * axis.length());
+    let quads = shadow.open_quads(simd, tile);
+    let mut kept = quads[0] | quads[1] | quads[2] | quads[3];
+    if kept == 0 {
+        return;
+    }
+    let near = shadow.near.to_array();
+    let radius = radius.to_array();
+    // Ranges of blocks; casting a float to an integer saturates.
+    let half = 0.5 * EDGE as f32;
+    let low = shadow.low.map(|low| (low + half).to_array());
+    let high = shadow.high.map(|high| (high + half).to_array());
+    let mut changed = false;
+    while kept != 0 {
+        let lane = kept.trailing_zeros() as usize;
+        kept &= kept - 1;
+        let [x_low, y_low] = [0, 1].map(|k| (low[k][lane].max(0.0) as usize).min(EDGE - 1));
+        let [x_high, y_high] = [0, 1].map(|k| (high[k][lane].max(0.0) as usize).min(EDGE - 1));
+        let center = Vec3::new(leaf.center[0][lane], leaf.center[1][lane], leaf.center[2][lane]);
+        let radius_sq = radius[lane] * radius[lane];
+        for y in y_low..=y_high {
+            for x in x_low..=x_high {
+                let block = block_at(x, y);
+                if near[lane] <= tile.block_depth[block] {
+                    changed |= tile.test(simd, view, block, center, radius_sq, leaf.id[lane]);
+                }
+            }
+        }
+    }
+    if changed {
+        tile.update_quads(simd);
+    }
+    const { assert!(LEAF == RAYS) };
+}

@@ -1,0 +1,104 @@
+//! From a scene to a picture: passes of samples into a film.
+//!
+//! [`Renderer::pass`] adds up to sixteen samples to every pixel; [`Renderer::image`] is the picture so far. The same settings
+//! give the same picture, bit for bit, whatever the number of threads and the width of SIMD.
+
+pub mod cpu;
+mod sampling;
+mod shade;
+
+use crate::error::{Error, Result};
+use crate::film::Image;
+use crate::progress::Progress;
+use crate::scene::Scene;
+use crate::scene::camera::{Camera, View};
+use cpu::Film;
+
+/// The knobs of a picture.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Settings {
+    /// Pixels in a row; 1 to 65536.
+    pub width: u32,
+    /// Rows; 1 to 65536.
+    pub height: u32,
+    /// Samples a pixel; with one, the sample is the pixel's center. At least 1.
+    pub samples: u32,
+    /// Another seed gives other random numbers.
+    pub seed: u32,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Self { width: 1920, height: 1080, samples: 64, seed: 0 }
+    }
+}
+
+/// Renders one picture, pass by pass.
+pub struct Renderer<'a> {
+    scene: &'a Scene<'a>,
+    view: View,
+    settings: Settings,
+    film: Film,
+    samples_done: u32,
+    level: fearless_simd::Level,
+}
+
+impl<'a> Renderer<'a> {
+    /// A picture without samples yet. Fails with [`Error::Setting`] if a knob or the camera is out of range.
+    pub fn new(scene: &'a Scene<'a>, camera: &Camera, settings: &Settings) -> Result<Self> {
+        let Settings { width, height, samples, .. } = *settings;
+        if !(1..=65536).contains(&width) || !(1..=65536).contains(&height) {
+            return Err(Error::setting("size", format!("{width}x{height}"), "1x1 to 65536x65536 pixels"));
+        }
+        if samples == 0 {
+            return Err(Error::setting("samples", samples, "at least 1 a pixel"));
+        }
+        let view = camera.view(scene.spheres.particles.positions().origin(), width, height)?;
+        let film = Film::new(width, height);
+        let level = fearless_simd::Level::new();
+        Ok(Self { scene, view, settings: *settings, film, samples_done: 0, level })
+    }
+
+    /// Uses narrower SIMD than the machine has.
+    #[cfg(test)]
+    pub(crate) fn with_level(self, level: fearless_simd::Level) -> Self {
+        Self { level, ..self }
+    }
+
+    /// Whether every pixel has all its samples.
+    pub fn is_done(&self) -> bool {
+        self.samples_done >= self.settings.samples
+    }
+
+    /// Adds up to sixteen samples to every pixel. Fails only when interrupted; the film is then incomplete.
+    pub fn pass(&mut self, progress: &dyn Progress) -> Result<()> {
+        let left = self.settings.samples - self.samples_done;
+        let count = match left {
+            0 => return Ok(()),
+            1..4 => 1,
+            4..16 => 4,
+            _ => 16,
+        };
+        let centered = self.settings.samples == 1;
+        let pass = cpu::Pass::new(self.scene, self.view, self.settings.seed, self.samples_done, count, centered);
+        cpu::for_each_tile(&mut self.film, &pass, self.level, progress);
+        self.samples_done += count;
+        if progress.cancelled() { Err(Error::Interrupted) } else { Ok(()) }
+    }
+
+    /// The picture of the samples so far.
+    pub fn image(&self) -> Image {
+        self.film.image(self.scene, self.samples_done)
+    }
+}
+
+/// Renders a whole picture.
+pub fn render(scene: &Scene, camera: &Camera, settings: &Settings, progress: &dyn Progress) -> Result<Image> {
+    let mut renderer = Renderer::new(scene, camera, settings)?;
+    let pixels = settings.width as u64 * settings.height as u64;
+    progress.begin("render", Some(pixels * settings.samples as u64), "samples");
+    while !renderer.is_done() {
+        renderer.pass(progress)?;
+    }
+    Ok(renderer.image())
+}

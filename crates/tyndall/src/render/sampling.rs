@@ -1,0 +1,88 @@
+//! Where in a pixel, and toward which part of a light, each sample goes.
+//!
+//! Points of the Sobol (0,2)-sequence, Owen-scrambled by hashing: any aligned run of 4^k points is stratified in a grid of
+//! 2^k x 2^k, so that passes can stop anywhere and go on. Sources: Kollig and Keller 2002, Efficient Multidimensional Sampling;
+//! Burley 2020, Practical Hash-based Owen Scrambling.
+
+/// Which random decision a sequence belongs to. Each has a scrambling of its own.
+#[derive(Clone, Copy)]
+pub(crate) enum Dimension {
+    Pixel,
+    Key,
+    Sky,
+}
+
+/// Point `index` of the sequence for `dimension`, in [0, 1)^2; `stream` tells pixels apart.
+pub(crate) fn point(seed: u32, dimension: Dimension, stream: u32, index: u32) -> [f32; 2] {
+    let scramble = mix(seed ^ mix(stream.wrapping_mul(4) + dimension as u32));
+    let x = owen(index.reverse_bits(), scramble);
+    let y = owen(second_sobol(index), mix(scramble ^ 0x9e37_79b9));
+    [unit(x), unit(y)]
+}
+
+/// The second dimension of the Sobol sequence as a 32-bit fraction; the first is the reversed index.
+fn second_sobol(mut index: u32) -> u32 {
+    let (mut fraction, mut column) = (0, 1 << 31);
+    while index != 0 {
+        if index & 1 == 1 {
+            fraction ^= column;
+        }
+        column ^= column >> 1;
+        index >>= 1;
+    }
+    fraction
+}
+
+/// Flips each bit of `fraction` by a hash of the higher ones: nested uniform scrambling.
+fn owen(fraction: u32, seed: u32) -> u32 {
+    let mut x = fraction.reverse_bits();
+    x ^= x.wrapping_mul(0x3d20_adea);
+    x = x.wrapping_add(seed);
+    x = x.wrapping_mul((seed >> 16) | 1);
+    x ^= x.wrapping_mul(0x0552_6c56);
+    x ^= x.wrapping_mul(0x53a2_2864);
+    x.reverse_bits()
+}
+
+/// An integer hash with good avalanche (Wellons 2018, lowbias32).
+fn mix(mut x: u32) -> u32 {
+    x ^= x >> 16;
+    x = x.wrapping_mul(0x7feb_352d);
+    x ^= x >> 15;
+    x = x.wrapping_mul(0x846c_a68b);
+    x ^ (x >> 16)
+}
+
+/// The fraction as a float in [0, 1).
+fn unit(fraction: u32) -> f32 {
+    (fraction >> 8) as f32 * (1.0 / 16_777_216.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_aligned_run_of_sixteen_is_stratified() {
+        for seed in 0..50 {
+            for first in [0, 16, 64, 1024] {
+                let mut seen = [[false; 4]; 4];
+                for index in first..first + 16 {
+                    let [x, y] = point(seed, Dimension::Pixel, seed * 7, index);
+                    assert!((0.0..1.0).contains(&x) && (0.0..1.0).contains(&y));
+                    let stratum = &mut seen[(y * 4.0) as usize][(x * 4.0) as usize];
+                    assert!(!*stratum, "seed {seed}, run from {first}");
+                    *stratum = true;
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn streams_and_dimensions_differ() {
+        let here = point(1, Dimension::Pixel, 0, 5);
+        assert_ne!(here, point(1, Dimension::Pixel, 1, 5));
+        assert_ne!(here, point(1, Dimension::Key, 0, 5));
+        assert_ne!(here, point(2, Dimension::Pixel, 0, 5));
+    }
+}

@@ -1,0 +1,263 @@
+//! The camera: where the eye is, and which ray belongs to a point of the picture.
+
+use glam::{DVec3, Vec3};
+
+use crate::error::{Error, Result};
+use crate::math::{Bounds, Ray};
+
+/// How rays leave the camera.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Projection {
+    /// From the eye, within a vertical angle of view, in radians.
+    Perspective {
+        /// Angle between the picture's lower and upper edge.
+        vertical_angle: f64,
+    },
+    /// In parallel, from the plane through the eye; depth is measured from that plane.
+    Orthographic {
+        /// Height of what the picture shows, in the unit of the particles.
+        height: f64,
+    },
+}
+
+/// Where the camera stands and looks, in the coordinates of the particles' file.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Camera {
+    /// Where it stands.
+    pub eye: DVec3,
+    /// What it looks at; not the eye.
+    pub look_at: DVec3,
+    /// Which direction is up in the picture; not along the line of sight.
+    pub up: DVec3,
+    /// How rays leave it.
+    pub projection: Projection,
+}
+
+/// The angle of view if none is given: 35 degrees.
+pub const VERTICAL_ANGLE: f64 = 35.0 * std::f64::consts::PI / 180.0;
+
+impl Camera {
+    /// A perspective or orthographic camera that looks along `direction` and shows the whole box (`center`, half the length of
+    /// its diagonal is `radius`), filling `fill` of the smaller side of a picture of that `aspect` (width over height).
+    pub fn framing(
+        center: DVec3,
+        corners: &[DVec3],
+        direction: DVec3,
+        up: DVec3,
+        aspect: f64,
+        perspective_angle: Option<f64>,
+    ) -> Self {
+        let forward = direction.normalize_or(DVec3::Y);
+        let up = usable_up(forward, up);
+        let right = forward.cross(up).normalize();
+        let screen_up = right.cross(forward);
+        let radius = corners.iter().map(|corner| corner.distance(center)).fold(0.0, f64::max).max(f64::MIN_POSITIVE);
+        let mut low = [f64::INFINITY; 2];
+        let mut high = [f64::NEG_INFINITY; 2];
+        for corner in corners {
+            let offset = [(*corner - center).dot(right), (*corner - center).dot(screen_up)];
+            for axis in 0..2 {
+                low[axis] = low[axis].min(offset[axis]);
+                high[axis] = high[axis].max(offset[axis]);
+            }
+        }
+        if corners.is_empty() {
+            (low, high) = ([-1.0; 2], [1.0; 2]);
+        }
+        // The middle of what is seen, not of the box, is the middle of the picture.
+        let middle = center + 0.5 * (low[0] + high[0]) * right + 0.5 * (low[1] + high[1]) * screen_up;
+        let half_height = |wide: f64, high: f64| (MARGIN * high.max(wide / aspect)).max(1e-3 * radius);
+        match perspective_angle {
+            None => Self {
+                eye: middle - 3.0 * radius * forward,
+                look_at: middle,
+                up,
+                projection: Projection::Orthographic {
+                    height: 2.0 * half_height(0.5 * (high[0] - low[0]), 0.5 * (high[1] - low[1])),
+                },
+            },
+            Some(angle) => {
+                // Step back until every corner is within the angle of view.
+                let slope = (0.5 * angle).tan() / MARGIN;
+                let mut back = 0.0_f64;
+                for corner in corners {
+                    let offset = *corner - middle;
+                    let side = (offset.dot(right).abs() / aspect).max(offset.dot(screen_up).abs());
+                    back = back.max(side / slope - offset.dot(forward));
+                }
+                let back = back.max(1.01 * radius);
+                Self {
+                    eye: middle - back * forward,
+                    look_at: middle,
+                    up,
+                    projection: Projection::Perspective { vertical_angle: angle },
+                }
+            }
+        }
+    }
+
+    /// Turned by `angle` radians around the axis through what it looks at, along its up direction.
+    pub fn orbited(&self, angle: f64) -> Self {
+        let turn = glam::DQuat::from_axis_angle(self.up.normalize(), angle);
+        Self { eye: self.look_at + turn * (self.eye - self.look_at), ..*self }
+    }
+
+    /// The camera as kernels need it, for particles measured from `origin` and a picture of `width` x `height` pixels.
+    /// Fails with [`Error::Setting`] if the camera has no direction or no extent.
+    pub fn view(&self, origin: DVec3, width: u32, height: u32) -> Result<View> {
+        let forward = (self.look_at - self.eye)
+            .try_normalize()
+            .ok_or_else(|| Error::setting("look-at", self.look_at, "a point away from the eye"))?;
+        let right = forward
+            .cross(self.up)
+            .try_normalize()
+            .filter(|_| forward.cross(self.up.normalize_or_zero()).length() > 1e-9)
+            .ok_or_else(|| Error::setting("up", self.up, "a direction that is not along the line of sight"))?;
+        let up = right.cross(forward);
+        let (half_height, perspective) = match self.projection {
+            Projection::Perspective { vertical_angle } => {
+                if !(vertical_angle > 0.0 && vertical_angle < std::f64::consts::PI) {
+                    return Err(Error::setting("fov", vertical_angle.to_degrees(), "between 0 and 180 degrees"));
+                }
+                ((0.5 * vertical_angle).tan(), true)
+            }
+            Projection::Orthographic { height } => {
+                if !(height > 0.0 && height.is_finite()) {
+                    return Err(Error::setting("ortho", height, "a height greater than 0"));
+                }
+                (0.5 * height, false)
+            }
+        };
+        let pixel = 2.0 * half_height / height as f64;
+        let corner = -0.5 * pixel * width as f64;
+        Ok(View {
+            eye: (self.eye - origin).as_vec3(),
+            forward: forward.as_vec3(),
+            right: right.as_vec3(),
+            up: up.as_vec3(),
+            left: corner as f32,
+            top: half_height as f32,
+            pixel: pixel as f32,
+            perspective,
+        })
+    }
+}
+
+/// How much more than the particles' extent the picture shows: 5 % on each side.
+const MARGIN: f64 = 1.05;
+
+/// `up`, or another direction where the camera looks along it.
+fn usable_up(forward: DVec3, up: DVec3) -> DVec3 {
+    let up = up.normalize_or(DVec3::Z);
+    if forward.cross(up).length() > 1e-3 {
+        return up;
+    }
+    if forward.cross(DVec3::Y).length() > 1e-3 { DVec3::Y } else { DVec3::Z }
+}
+
+/// The corners of a box measured from `origin`.
+pub fn corners(bounds: &Bounds, origin: DVec3) -> [DVec3; 8] {
+    std::array::from_fn(|corner| {
+        let pick = |axis: usize| if corner >> axis & 1 == 1 { bounds.max[axis] } else { bounds.min[axis] };
+        origin + Vec3::new(pick(0), pick(1), pick(2)).as_dvec3()
+    })
+}
+
+/// A camera over a picture's pixels. Lengths are in the unit of the particles, positions measured from their origin.
+#[derive(Clone, Copy, Debug)]
+pub struct View {
+    /// Where the camera stands.
+    pub eye: Vec3,
+    /// Its axes, of unit length, perpendicular to each other.
+    pub forward: Vec3,
+    /// See `forward`.
+    pub right: Vec3,
+    /// See `forward`.
+    pub up: Vec3,
+    /// The picture's left edge and upper edge in the picture plane: lengths (orthographic) or slopes (perspective).
+    pub left: f32,
+    /// See `left`.
+    pub top: f32,
+    /// Edge of a pixel in the picture plane.
+    pub pixel: f32,
+    /// Whether rays start at the eye and `left`, `top` and `pixel` are slopes.
+    pub perspective: bool,
+}
+
+impl View {
+    /// The ray through the point (x, y) of the picture, in pixels from its upper left corner.
+    #[inline(always)]
+    pub fn ray(&self, x: f32, y: f32) -> Ray {
+        let u = self.left + x * self.pixel;
+        let v = self.top - y * self.pixel;
+        let across = self.right * u + self.up * v;
+        let (origin, direction) = if self.perspective {
+            let toward = self.forward + across;
+            let length_sq = toward.x * toward.x + toward.y * toward.y + toward.z * toward.z;
+            (self.eye, toward * (1.0 / length_sq.sqrt()))
+        } else {
+            (self.eye + across, self.forward)
+        };
+        Ray { origin, direction, t_min: 0.0, t_max: f32::INFINITY }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_middle_of_the_picture_is_what_the_camera_looks_at() {
+        for projection in [
+            Projection::Perspective { vertical_angle: 0.6 },
+            Projection::Orthographic { height: 3.0 },
+        ] {
+            let camera = Camera {
+                eye: DVec3::new(1.0, 2.0, 3.0),
+                look_at: DVec3::new(4.0, -1.0, 2.5),
+                up: DVec3::Z,
+                projection,
+            };
+            let ray = camera.view(DVec3::ONE, 40, 20).unwrap().ray(20.0, 10.0);
+            let toward = (camera.look_at - camera.eye).normalize().as_vec3();
+            assert!(ray.direction.abs_diff_eq(toward, 1e-6));
+            assert!(ray.origin.abs_diff_eq((camera.eye - DVec3::ONE).as_vec3(), 1e-6));
+        }
+    }
+
+    #[test]
+    fn framing_shows_every_corner_and_little_more() {
+        let bounds = Bounds { min: Vec3::new(-1.0, -4.0, 0.0), max: Vec3::new(2.0, 1.0, 7.0) };
+        let corners = corners(&bounds, DVec3::new(100.0, 0.0, 0.0));
+        let center = DVec3::new(100.5, -1.5, 3.5);
+        for direction in [DVec3::new(-2.0, -1.3, -1.0), DVec3::X, DVec3::NEG_Z] {
+            for angle in [None, Some(VERTICAL_ANGLE)] {
+                let camera = Camera::framing(center, &corners, direction, DVec3::Z, 2.0, angle);
+                let view = camera.view(DVec3::ZERO, 200, 100).unwrap();
+                let mut most = 0.0_f32;
+                for corner in corners {
+                    let offset = corner.as_vec3() - view.eye;
+                    let depth = if view.perspective { offset.dot(view.forward) } else { 1.0 };
+                    let across = (offset.dot(view.right) / depth / (view.pixel * 100.0)).abs();
+                    let along = (offset.dot(view.up) / depth / (view.pixel * 50.0)).abs();
+                    assert!(depth > 0.0 && across <= 1.0 && along <= 1.0, "{across} {along}");
+                    most = most.max(across).max(along);
+                }
+                assert!(most > 0.9, "{most}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_camera_without_direction_is_refused() {
+        let camera = Camera {
+            eye: DVec3::ONE,
+            look_at: DVec3::ONE,
+            up: DVec3::Z,
+            projection: Projection::Orthographic { height: 1.0 },
+        };
+        assert!(camera.view(DVec3::ZERO, 10, 10).is_err());
+        let along = Camera { look_at: DVec3::new(1.0, 1.0, 2.0), ..camera };
+        assert!(along.view(DVec3::ZERO, 10, 10).is_err());
+    }
+}

@@ -1,0 +1,23 @@
+//! What is seen, by whom, in which light.
+
+pub mod camera;
+pub mod color;
+pub mod light;
+
+use crate::structure::{Spheres, Structure};
+use color::ParticleColors;
+use light::Lighting;
+
+/// Particles, and how they are seen.
+pub struct Scene<'a> {
+    /// The particles and their sizes.
+    pub spheres: Spheres<'a>,
+    /// The structure over them.
+    pub structure: Structure,
+    /// Their colors.
+    pub colors: ParticleColors,
+    /// What lights them.
+    pub lighting: Lighting,
+    /// Linear RGB behind them; none leaves the picture transparent there.
+    pub background: Option<[f32; 3]>,
+}

@@ -1,0 +1,4 @@
+//! Tests that look inside: structures and kernels against brute force, on random and on degenerate scenes.
+
+mod scenes;
+mod visibility;

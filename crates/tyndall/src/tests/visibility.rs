@@ -1,0 +1,182 @@
+//! What every structure and kernel finds equals what brute force finds, bit for bit.
+
+use super::scenes::{LAWS, Law, Random, camera, particles};
+use crate::film::Image;
+use crate::math::Ray;
+use crate::particles::{Particles, Radii};
+use crate::render::{Renderer, Settings};
+use crate::scene::Scene;
+use crate::scene::camera::Camera;
+use crate::scene::color::ParticleColors;
+use crate::scene::light::Lighting;
+use crate::structure::pkd::{Axis, Options, Order};
+use crate::structure::{Brute, Kind, Spheres, Structure};
+use fearless_simd::{Level, Simd};
+use glam::Vec3;
+
+const KINDS: [Kind; 6] = [
+    Kind::Bvh,
+    Kind::Brute,
+    Kind::Pkd(Options { axis: Axis::WidestExtent, order: Order::NodeFirst }),
+    Kind::Pkd(Options { axis: Axis::WidestExtent, order: Order::NearChildFirst }),
+    Kind::Pkd(Options { axis: Axis::RoundRobin, order: Order::NodeFirst }),
+    Kind::Pkd(Options { axis: Axis::RoundRobin, order: Order::NearChildFirst }),
+];
+
+const COUNTS: [usize; 10] = [0, 1, 2, 3, 16, 17, 100, 129, 700, 3000];
+
+fn scene<'a>(particles: &'a Particles, radii: &'a Radii, kind: Kind, lighting: Lighting) -> Scene<'a> {
+    let spheres = Spheres { particles, radii, radius_scale: 1.0 };
+    Scene {
+        spheres,
+        structure: Structure::build(kind, spheres, &()).unwrap(),
+        colors: ParticleColors::constant([0.7, 0.5, 0.2]),
+        lighting,
+        background: None,
+    }
+}
+
+fn image(scene: &Scene, camera: &Camera, settings: &Settings, level: Level) -> Image {
+    let mut renderer = Renderer::new(scene, camera, settings).unwrap().with_level(level);
+    while !renderer.is_done() {
+        renderer.pass(&()).unwrap();
+    }
+    renderer.image()
+}
+
+/// How many pixels differ in any bit of any layer.
+fn differing_pixels(a: &Image, b: &Image) -> usize {
+    let bits = |image: &Image, k: usize| (image.color[k].map(f32::to_bits), image.depth[k].to_bits(), image.id[k]);
+    assert_eq!((a.width, a.height), (b.width, b.height));
+    (0..a.color.len()).filter(|&k| bits(a, k) != bits(b, k)).count()
+}
+
+#[test]
+fn a_single_altered_value_is_seen_by_the_comparison() {
+    let image =
+        Image { width: 2, height: 1, color: vec![[0.5; 4]; 2], depth: vec![1.0, f32::INFINITY], id: vec![3, -1] };
+    assert_eq!(differing_pixels(&image, &image), 0);
+    for alter in [
+        |image: &mut Image| image.color[1][2] = 0.5_f32.next_up(),
+        |image: &mut Image| image.depth[0] = 1.0_f32.next_down(),
+        |image: &mut Image| image.id[1] = 0,
+    ] {
+        let mut altered = image.clone();
+        alter(&mut altered);
+        assert_eq!(differing_pixels(&image, &altered), 1);
+    }
+}
+
+#[test]
+fn every_structure_renders_what_brute_force_renders() {
+    let mut met = 0;
+    for seed in 0..200 {
+        let mut random = Random::new(seed);
+        let law = LAWS[seed as usize % LAWS.len()];
+        let count = COUNTS[seed as usize / LAWS.len() % COUNTS.len()];
+        let (particles, radii) = particles(law, count, &mut random);
+        let camera = camera(&particles.bounds(), &mut random);
+        let samples = [1, 4, 16][random.below(3) as usize];
+        let settings = Settings { width: 21, height: 13, samples, seed: seed as u32 };
+        let brute = scene(&particles, &radii, Kind::Brute, Lighting::Headlight);
+        let expected = image(&brute, &camera, &settings, Level::new());
+        met += expected.id.iter().filter(|&&id| id >= 0).count();
+        for kind in KINDS {
+            let scene = scene(&particles, &radii, kind, Lighting::Headlight);
+            let found = image(&scene, &camera, &settings, Level::new());
+            let differing = differing_pixels(&expected, &found);
+            assert_eq!(differing, 0, "seed {seed}: {law:?}, {count} particles, {samples} samples, {kind:?}, {camera:?}");
+        }
+    }
+    assert!(met > 10_000, "only {met} pixels met a particle: the scenes test nothing");
+}
+
+#[test]
+fn every_structure_casts_the_shadows_that_brute_force_casts() {
+    for seed in 0..40 {
+        let mut random = Random::new(1000 + seed);
+        let law = LAWS[seed as usize % LAWS.len()];
+        let (particles, radii) = particles(law, 400, &mut random);
+        let camera = camera(&particles.bounds(), &mut random);
+        let settings = Settings { width: 16, height: 16, samples: 4, seed: seed as u32 };
+        let studio = Lighting::studio(Vec3::X, Vec3::NEG_Y, Vec3::Z);
+        let brute = scene(&particles, &radii, Kind::Brute, studio);
+        let expected = image(&brute, &camera, &settings, Level::new());
+        for kind in KINDS {
+            let scene = scene(&particles, &radii, kind, studio);
+            let differing = differing_pixels(&expected, &image(&scene, &camera, &settings, Level::new()));
+            assert_eq!(differing, 0, "seed {seed}: {law:?}, {kind:?}");
+        }
+    }
+}
+
+#[test]
+fn every_width_of_simd_renders_the_same_bits() {
+    let widest = Level::new();
+    let levels = [
+        Some(Level::baseline()),
+        widest.as_sse4_2().map(|token| token.level()),
+        widest.as_avx2().map(|token| token.level()),
+        Some(widest),
+    ];
+    for seed in 0..24 {
+        let mut random = Random::new(2000 + seed);
+        let (particles, radii) = particles(LAWS[seed as usize % LAWS.len()], 1000, &mut random);
+        let camera = camera(&particles.bounds(), &mut random);
+        let settings = Settings { width: 33, height: 20, samples: 20, seed: seed as u32 };
+        let scene = scene(&particles, &radii, Kind::Bvh, Lighting::studio(Vec3::X, Vec3::NEG_Y, Vec3::Z));
+        let expected = image(&scene, &camera, &settings, levels[0].expect("the baseline is always there"));
+        for level in levels.into_iter().flatten() {
+            let differing = differing_pixels(&expected, &image(&scene, &camera, &settings, level));
+            assert_eq!(differing, 0, "seed {seed}, {level:?}");
+        }
+    }
+}
+
+#[test]
+fn one_thread_and_two_render_the_same_bits() {
+    let mut random = Random::new(77);
+    let (particles, radii) = particles(Law::MixedRadii, 50_000, &mut random);
+    let camera = camera(&particles.bounds(), &mut random);
+    let settings = Settings { width: 150, height: 70, samples: 16, seed: 5 };
+    let rendered = [1, 2].map(|threads| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| {
+            let scene = scene(&particles, &radii, Kind::Bvh, Lighting::studio(Vec3::X, Vec3::NEG_Y, Vec3::Z));
+            image(&scene, &camera, &settings, Level::new())
+        })
+    });
+    assert_eq!(differing_pixels(&rendered[0], &rendered[1]), 0);
+}
+
+#[test]
+fn rays_find_what_brute_force_finds() {
+    for seed in 0..200 {
+        let mut random = Random::new(3000 + seed);
+        let law = LAWS[seed as usize % LAWS.len()];
+        let count = COUNTS[random.below(COUNTS.len() as u32) as usize];
+        let (particles, radii) = particles(law, count, &mut random);
+        let spheres = Spheres { particles: &particles, radii: &radii, radius_scale: 1.0 };
+        let brute = Brute::new(spheres);
+        let structures = KINDS.map(|kind| Structure::build(kind, spheres, &()).unwrap());
+        let size = particles.bounds().extent().max_element().max(1e-30);
+        for _ in 0..50 {
+            let axis = [Vec3::X, Vec3::NEG_Y, Vec3::Z][random.below(3) as usize];
+            let any = random.vector();
+            let direction = if random.below(4) == 0 { axis } else { any.normalize_or(Vec3::Z) };
+            let origin = if random.below(3) == 0 && count > 0 {
+                spheres.center(random.below(count as u32) as usize)
+            } else {
+                random.vector() * size
+            };
+            let t_max = if random.below(3) == 0 { size * random.unit() } else { f32::INFINITY };
+            let ray = Ray { origin, direction, t_min: 0.0, t_max };
+            let except = (random.below(2) == 0 && count > 0).then(|| random.below(count as u32));
+            let expected = brute.intersect(&ray, except);
+            for (kind, structure) in KINDS.iter().zip(&structures) {
+                assert_eq!(structure.intersect(&ray, except), expected, "seed {seed}: {law:?}, {kind:?}, {ray:?}");
+                assert_eq!(structure.occluded(&ray, except), expected.is_some(), "seed {seed}: {law:?}, {kind:?}");
+            }
+        }
+    }
+}
