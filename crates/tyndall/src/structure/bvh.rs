@@ -18,6 +18,9 @@ pub const LEAF: usize = 16;
 /// Children of a node.
 pub const WIDTH: usize = 8;
 
+/// Marks a place among the leaves where a place among the nodes could stand too.
+pub(crate) const LEAF_BIT: u32 = 1 << 31;
+
 /// Sixteen particles as columns. Places that are left over hold NaN, which no test accepts.
 #[derive(Clone, Copy)]
 pub(crate) struct Leaf {

@@ -5,6 +5,7 @@
 
 mod rays;
 mod shadows;
+mod simd;
 mod tiles;
 
 use fearless_simd::{Level, Simd, dispatch, f32x16, prelude::*};
@@ -20,6 +21,7 @@ use crate::scene::Scene;
 use crate::scene::camera::View;
 use crate::scene::light::Lighting;
 use crate::structure::Structure;
+use self::simd::Lanes3;
 use shadows::Points;
 use tiles::{BLOCKS, Beam, EDGE, Entry, RAYS, Tile, block_at};
 
@@ -162,7 +164,7 @@ impl<'a> Pass<'a> {
 struct Scratch {
     tile: Box<Tile>,
     stack: Vec<Entry>,
-    shadow_stack: Vec<(f32, u32)>,
+    shadow_stack: Vec<shadows::Entry>,
 }
 
 /// Adds a pass to the film. The only place where threads appear: each takes film tiles until none is left.
@@ -241,18 +243,17 @@ fn set_rays<S: Simd>(simd: S, pass: &Pass, corner: (usize, usize), tile: &mut Ti
             }
             let u = f32x16::load_array(simd, x) * view.pixel + view.left;
             let v = f32x16::splat(simd, view.top) - f32x16::load_array(simd, y) * view.pixel;
-            let across = [0, 1, 2].map(|axis| u * view.right[axis] + v * view.up[axis]);
-            let varying = if view.perspective {
-                let toward = [0, 1, 2].map(|axis| across[axis] + view.forward[axis]);
-                let length_sq = toward[0] * toward[0] + toward[1] * toward[1] + toward[2] * toward[2];
-                let inv_length = f32x16::splat(simd, 1.0) / length_sq.sqrt();
-                toward.map(|component| component * inv_length)
-            } else {
-                [0, 1, 2].map(|axis| across[axis] + view.eye[axis])
+            let across = Lanes3 {
+                x: u * view.right.x + v * view.up.x,
+                y: u * view.right.y + v * view.up.y,
+                z: u * view.right.z + v * view.up.z,
             };
-            for axis in 0..3 {
-                varying[axis].store_array(&mut tile.varying[block_at(block_x, block_y)][axis]);
+            let base = if view.perspective { view.forward } else { view.eye };
+            let mut varying = Lanes3 { x: across.x + base.x, y: across.y + base.y, z: across.z + base.z };
+            if view.perspective {
+                varying = varying.times(f32x16::splat(simd, 1.0) / varying.dot(varying).sqrt());
             }
+            varying.store(&mut tile.varying[block_at(block_x, block_y)]);
         }
     }
 }

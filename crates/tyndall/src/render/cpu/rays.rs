@@ -2,12 +2,11 @@
 
 use fearless_simd::{Level, dispatch, f32x8, f32x16, prelude::*};
 use fearless_simd_macros::simd;
-use glam::Vec3;
 
-use super::tiles::{LEAF_BIT, child_of, decode};
+use super::simd::{Lanes3, child_of, decode, enter_sphere, inv_direction, radii};
 use crate::math::Ray;
 use crate::structure::Hit;
-use crate::structure::bvh::{Bvh, LEAF, Leaf};
+use crate::structure::bvh::{Bvh, LEAF, LEAF_BIT};
 
 impl Bvh {
     /// See [`crate::structure::Structure::intersect`].
@@ -36,9 +35,7 @@ const STACK: usize = 128;
 
 #[simd]
 fn walk<S: Simd>(simd: S, bvh: &Bvh, ray: &Ray, except: Option<u32>, mut wanted: Wanted) {
-    // No exact zero: a box side parallel to the ray is met far away, on the side where the ray is.
-    let nonzero = |d: f32| if d.abs() < 1e-20 { 1e-20_f32.copysign(d) } else { d };
-    let inv_direction = Vec3::from_array(ray.direction.to_array().map(|d| 1.0 / nonzero(d)));
+    let inv_direction = inv_direction(ray);
     let mut t_far = ray.t_max;
     let mut stack = [(0.0_f32, 0_u32); STACK];
     let mut top = usize::from(!bvh.nodes.is_empty());
@@ -72,9 +69,14 @@ fn walk<S: Simd>(simd: S, bvh: &Bvh, ray: &Ray, except: Option<u32>, mut wanted:
         let (center, half) = decode(simd, node, ray.origin, bvh.slack);
         let mut enter = f32x8::splat(simd, ray.t_min);
         let mut leave = f32x8::splat(simd, t_far);
-        for axis in 0..3 {
-            let inv = f32x8::splat(simd, inv_direction[axis]);
-            let (a, b) = ((center[axis] - half[axis]) * inv, (center[axis] + half[axis]) * inv);
+        let sides = [
+            (center.x, half.x, inv_direction.x),
+            (center.y, half.y, inv_direction.y),
+            (center.z, half.z, inv_direction.z),
+        ];
+        for (center, half, inv_direction) in sides {
+            let inv = f32x8::splat(simd, inv_direction);
+            let (a, b) = ((center - half) * inv, (center + half) * inv);
             enter = enter.max(a.min(b));
             leave = leave.min(a.max(b));
         }
@@ -100,21 +102,12 @@ fn walk<S: Simd>(simd: S, bvh: &Bvh, ray: &Ray, except: Option<u32>, mut wanted:
 /// Where the ray enters each of the sixteen particles; `t_max` where it does not. [`crate::math::enter_sphere`] on lanes.
 #[simd]
 fn enter_leaf<S: Simd>(simd: S, bvh: &Bvh, place: usize, ray: &Ray, except: Option<u32>) -> [f32; LEAF] {
-    let leaf: &Leaf = &bvh.leaves[place];
-    let radius = match bvh.radii.get(place) {
-        Some(radii) => f32x16::load_array_ref(simd, radii),
-        None => f32x16::splat(simd, bvh.radius),
-    };
-    let to_center = [0, 1, 2].map(|axis| f32x16::load_array_ref(simd, &leaf.center[axis]) - ray.origin[axis]);
-    let direction = ray.direction.to_array().map(|d| f32x16::splat(simd, d));
-    let closest = to_center[0] * direction[0] + to_center[1] * direction[1] + to_center[2] * direction[2];
-    let off_axis = [0, 1, 2].map(|axis| to_center[axis] - closest * direction[axis]);
-    let off_axis_sq = off_axis[0] * off_axis[0] + off_axis[1] * off_axis[1] + off_axis[2] * off_axis[2];
-    let half_chord_sq = radius * radius - off_axis_sq;
-    let zero = f32x16::splat(simd, 0.0);
-    let t = closest - half_chord_sq.max(zero).sqrt();
+    let leaf = &bvh.leaves[place];
+    let radius = radii(simd, bvh, place);
+    let to_center = Lanes3::load(simd, &leaf.center).minus(Lanes3::splat(simd, ray.origin));
+    let (t, meets) = enter_sphere(simd, to_center, Lanes3::splat(simd, ray.direction), radius * radius);
     let t_max = f32x16::splat(simd, ray.t_max);
-    let enters = half_chord_sq.simd_gt(zero) & f32x16::splat(simd, ray.t_min).simd_lt(t) & t.simd_lt(t_max);
+    let enters = meets & f32x16::splat(simd, ray.t_min).simd_lt(t) & t.simd_lt(t_max);
     let mut t = enters.select(t, t_max).to_array();
     if let Some(place) = except.and_then(|except| leaf.id.iter().position(|&id| id == except)) {
         t[place] = ray.t_max;

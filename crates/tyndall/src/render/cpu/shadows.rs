@@ -3,13 +3,14 @@
 //! Sixteen points are projected along the direction; the walk follows the rectangle that holds those still lit, visits only what
 //! lies in front of them, and tests a particle against all sixteen in one step, with the formula of [`crate::math::enter_sphere`].
 
-use fearless_simd::{f32x8, f32x16, prelude::*, u32x16};
+use fearless_simd::{f32x16, mask32x16, prelude::*, u32x16};
 use fearless_simd_macros::simd;
 use glam::Vec3;
 
-use super::tiles::{LEAF_BIT, RAYS, child_of, decode};
+use super::simd::{Ball, Lanes3, Reach, child_of, decode, enter_sphere, grown, radii};
+use super::tiles::RAYS;
 use crate::structure::HIT_ROUNDING;
-use crate::structure::bvh::Bvh;
+use crate::structure::bvh::{Bvh, LEAF_BIT};
 
 /// Points from which light is looked for, by axis, and the particles on which they lie, which do not shadow them.
 #[derive(Clone, Copy)]
@@ -26,45 +27,72 @@ struct Span {
 }
 
 impl Span {
-    /// The span of the points in the mask `lit`, which is not zero. `projected` holds two coordinates across, one along.
-    #[simd]
-    fn of<S: Simd>(simd: S, projected: &[f32x16<S>; 3], lit: u32) -> Self {
-        let lit = fearless_simd::mask32x16::from_bitmask(simd, lit as u64);
-        let low = |k: usize| lit.select(projected[k], f32x16::splat(simd, f32::INFINITY)).reduce_min();
-        let high = |k: usize| lit.select(projected[k], f32x16::splat(simd, f32::NEG_INFINITY)).reduce_max();
-        let (low_high, first) = ([0, 1].map(|k| (low(k), high(k))), low(2));
+    /// The span of the points in the mask `lit`, which is not zero; coordinates are across, across and along.
+    #[inline(always)]
+    fn of<S: Simd>(simd: S, projected: &Lanes3<f32x16<S>>, lit: u32) -> Self {
+        let lit = mask32x16::from_bitmask(simd, lit as u64);
+        let (none_low, none_high) =
+            (f32x16::splat(simd, f32::INFINITY), f32x16::splat(simd, f32::NEG_INFINITY));
+        let low = [
+            lit.select(projected.x, none_low).reduce_min(),
+            lit.select(projected.y, none_low).reduce_min(),
+        ];
+        let high = [
+            lit.select(projected.x, none_high).reduce_max(),
+            lit.select(projected.y, none_high).reduce_max(),
+        ];
         Self {
-            middle: low_high.map(|(low, high)| 0.5 * (low + high)),
-            half: low_high.map(|(low, high)| 0.5 * (high - low)),
-            first,
+            middle: [0.5 * (low[0] + high[0]), 0.5 * (low[1] + high[1])],
+            half: [0.5 * (high[0] - low[0]), 0.5 * (high[1] - low[1])],
+            first: lit.select(projected.z, none_low).reduce_min(),
         }
     }
 
-    /// Which of the things at `center` that reach `reach(axis)` along an axis can shadow one of the points.
+    /// Which of the things at `center` that reach `reach` to both sides can shadow one of the points.
     #[inline(always)]
-    fn meets<S: Simd, V: SimdFloat<S, Element = f32>>(&self, simd: S, center: &[V; 3], reach: [V; 3]) -> u32 {
-        let splat = |x: f32| V::simd_from(simd, x);
-        let across = |k: usize| (center[k] - splat(self.middle[k])).abs().simd_le(reach[k] + splat(self.half[k]));
-        let along = (center[2] + reach[2]).simd_ge(splat(self.first));
-        (across(0) & across(1) & along).to_bitmask() as u32
+    fn meets<S: Simd, V: SimdFloat<S, Element = f32>>(
+        &self,
+        simd: S,
+        center: &Lanes3<V>,
+        reach: &Lanes3<V>,
+    ) -> u32 {
+        let off_x = (center.x - V::simd_from(simd, self.middle[0])).abs();
+        let off_y = (center.y - V::simd_from(simd, self.middle[1])).abs();
+        let across = off_x.simd_le(reach.x + V::simd_from(simd, self.half[0]))
+            & off_y.simd_le(reach.y + V::simd_from(simd, self.half[1]));
+        (across & (center.z + reach.z).simd_ge(V::simd_from(simd, self.first))).to_bitmask() as u32
     }
 }
 
 /// Coordinates across and along a direction, measured from a point near those that look for light.
 struct Light {
-    axes: [Vec3; 3],
+    /// Two axes across, and the direction toward the light.
+    across: [Vec3; 2],
+    toward: Vec3,
     origin: Vec3,
     /// Largest distance from `origin` to a point, in each coordinate.
     spread: f32,
 }
 
 impl Light {
+    /// Coordinates of points measured from the origin.
     #[inline(always)]
-    fn project<S: Simd, V: SimdFloat<S, Element = f32>>(&self, simd: S, center: &[V; 3]) -> [V; 3] {
-        let splat = |x: f32| V::simd_from(simd, x);
-        self.axes.map(|axis| {
-            center[2].mul_add(splat(axis.z), center[1].mul_add(splat(axis.y), center[0] * splat(axis.x)))
-        })
+    fn project<S: Simd, V: SimdFloat<S, Element = f32>>(&self, simd: S, center: Lanes3<V>) -> Lanes3<V> {
+        Lanes3 {
+            x: center.along(simd, self.across[0]),
+            y: center.along(simd, self.across[1]),
+            z: center.along(simd, self.toward),
+        }
+    }
+
+    /// How far things reach along each coordinate.
+    #[inline(always)]
+    fn reach<S: Simd, V: SimdFloat<S, Element = f32>>(&self, simd: S, thing: impl Reach<S, V>) -> Lanes3<V> {
+        Lanes3 {
+            x: thing.reach(simd, self.across[0]),
+            y: thing.reach(simd, self.across[1]),
+            z: thing.reach(simd, self.toward),
+        }
     }
 }
 
@@ -76,77 +104,95 @@ pub(super) fn unoccluded<S: Simd>(
     toward_light: Vec3,
     points: &Points,
     mut lit: u32,
-    stack: &mut Vec<(f32, u32)>,
+    stack: &mut Vec<Entry>,
 ) -> u32 {
     if lit == 0 || bvh.nodes.is_empty() {
         return lit;
     }
-    let position = [0, 1, 2].map(|axis| f32x16::load_array_ref(simd, &points.position[axis]));
     let one = lit.trailing_zeros() as usize;
-    let origin = Vec3::from_array([0, 1, 2].map(|axis| points.position[axis][one]));
+    let origin = Vec3::new(points.position[0][one], points.position[1][one], points.position[2][one]);
+    let offset = Lanes3::load(simd, &points.position).minus(Lanes3::splat(simd, origin));
     let (u, v) = toward_light.any_orthonormal_pair();
-    let mut light = Light { axes: [u, v, toward_light], origin, spread: 0.0 };
-    let offset = [0, 1, 2].map(|axis| position[axis] - origin[axis]);
-    light.spread = farthest(simd, &offset, lit);
-    let projected = light.project(simd, &offset);
-    let mut span = Span::of(simd, &projected, lit);
+    let spread = farthest(simd, &offset, lit);
+    let light = Light { across: [u, v], toward: toward_light, origin, spread };
+    let projected = light.project(simd, offset);
+    let span = Span::of(simd, &projected, lit);
 
     stack.clear();
-    stack.push((0.0, 0));
-    while let Some((_, child)) = stack.pop() {
-        if child & LEAF_BIT == 0 {
-            push_children(simd, bvh, child, &light, &span, stack);
+    stack.push(Entry { along: 0.0, child: 0, lanes: lit });
+    while let Some(Entry { child, lanes, .. }) = stack.pop() {
+        let lanes = lanes & lit;
+        if lanes == 0 {
             continue;
         }
-        let shadowed = shadow_of_leaf(simd, bvh, (child & !LEAF_BIT) as usize, &light, &span, points, lit);
-        if shadowed != 0 {
-            lit &= !shadowed;
+        if child & LEAF_BIT == 0 {
+            push_children(simd, bvh, child, &light, &span, &projected, lanes, stack);
+        } else {
+            lit &= !shadow_of_leaf(simd, bvh, (child & !LEAF_BIT) as usize, &light, &span, points, lanes);
             if lit == 0 {
                 return 0;
             }
-            span = Span::of(simd, &projected, lit);
         }
     }
     lit
 }
 
+/// A subtree that is still to be walked, for the points in the mask `lanes`.
+#[derive(Clone, Copy)]
+pub(super) struct Entry {
+    along: f32,
+    child: u32,
+    lanes: u32,
+}
+
 /// The largest coordinate, of either sign, of the points in the mask.
-#[simd]
-fn farthest<S: Simd>(simd: S, offset: &[f32x16<S>; 3], lit: u32) -> f32 {
-    let farthest = offset[0].abs().max(offset[1].abs()).max(offset[2].abs());
-    let lit = fearless_simd::mask32x16::from_bitmask(simd, lit as u64);
+#[inline(always)]
+fn farthest<S: Simd>(simd: S, offset: &Lanes3<f32x16<S>>, lit: u32) -> f32 {
+    let farthest = offset.x.abs().max(offset.y.abs()).max(offset.z.abs());
+    let lit = mask32x16::from_bitmask(simd, lit as u64);
     lit.select(farthest, f32x16::splat(simd, 0.0)).reduce_max()
 }
 
 /// Pushes the children that can shadow a point, the one nearest to the points last.
 #[simd]
+#[expect(clippy::too_many_arguments, reason = "one walk, cut where it is readable")]
 fn push_children<S: Simd>(
     simd: S,
     bvh: &Bvh,
     child: u32,
     light: &Light,
     span: &Span,
-    stack: &mut Vec<(f32, u32)>,
+    projected: &Lanes3<f32x16<S>>,
+    lanes: u32,
+    stack: &mut Vec<Entry>,
 ) {
     let node = &bvh.nodes[child as usize];
     let (center, half) = decode(simd, node, light.origin, HIT_ROUNDING * light.spread + bvh.slack);
-    let center = light.project(simd, &center);
-    let reach = light.axes.map(|axis| {
-        let [x, y, z] = axis.abs().to_array().map(|x| f32x8::splat(simd, x));
-        half[2].mul_add(z, half[1].mul_add(y, half[0] * x))
-    });
+    let center = light.project(simd, center);
+    let reach = light.reach(simd, half);
     let existing = (1u32 << (node.node_count + node.leaf_count)) - 1;
-    let mut kept = span.meets(simd, &center, reach) & existing;
-    let along = center[2].to_array();
+    let mut kept = span.meets(simd, &center, &reach) & existing;
+    let (x, y, z) = (center.x.to_array(), center.y.to_array(), center.z.to_array());
+    let (reach_x, reach_y, reach_z) = (reach.x.to_array(), reach.y.to_array(), reach.z.to_array());
     let first = stack.len();
     while kept != 0 {
         let child = kept.trailing_zeros() as usize;
         kept &= kept - 1;
+        // Which of the points lie behind this child.
+        let off_x = (projected.x - f32x16::splat(simd, x[child])).abs();
+        let off_y = (projected.y - f32x16::splat(simd, y[child])).abs();
+        let under = off_x.simd_le(f32x16::splat(simd, reach_x[child]))
+            & off_y.simd_le(f32x16::splat(simd, reach_y[child]))
+            & projected.z.simd_le(f32x16::splat(simd, z[child] + reach_z[child]));
+        let lanes = under.to_bitmask() as u32 & lanes;
+        if lanes == 0 {
+            continue;
+        }
         // Insertion sort: far before near, so that the nearest is popped first.
-        let entry = (along[child], child_of(node, child));
+        let entry = Entry { along: z[child], child: child_of(node, child), lanes };
         stack.push(entry);
         let mut place = stack.len() - 1;
-        while place > first && stack[place - 1].0 < entry.0 {
+        while place > first && stack[place - 1].along < entry.along {
             stack[place] = stack[place - 1];
             place -= 1;
         }
@@ -154,7 +200,7 @@ fn push_children<S: Simd>(
     }
 }
 
-/// Which of the points in `lit` lie in the shadow of a particle of the leaf.
+/// Which of the points in the mask `lanes` lie in the shadow of a particle of the leaf.
 #[simd]
 fn shadow_of_leaf<S: Simd>(
     simd: S,
@@ -163,40 +209,45 @@ fn shadow_of_leaf<S: Simd>(
     light: &Light,
     span: &Span,
     points: &Points,
-    lit: u32,
+    lanes: u32,
 ) -> u32 {
     let leaf = &bvh.leaves[place];
-    let radius = match bvh.radii.get(place) {
-        Some(radii) => f32x16::load_array_ref(simd, radii),
-        None => f32x16::splat(simd, bvh.radius),
-    };
-    let center = [0, 1, 2].map(|axis| f32x16::load_array_ref(simd, &leaf.center[axis]) - light.origin[axis]);
-    let distance = center[0].abs() + center[1].abs() + center[2].abs();
-    let margin = f32x16::splat(simd, HIT_ROUNDING * light.spread);
-    let grown = radius + (distance + radius).mul_add(HIT_ROUNDING, margin);
-    let mut kept = span.meets(simd, &light.project(simd, &center), [grown; 3]);
-    let radius = radius.to_array();
-    let direction = light.axes[2].to_array().map(|d| f32x16::splat(simd, d));
+    let radius = radii(simd, bvh, place);
+    let direction = Lanes3::splat(simd, light.toward);
+    let particles = Lanes3::load(simd, &leaf.center);
+    let center = particles.minus(Lanes3::splat(simd, light.origin));
+    let ball = Ball(grown(simd, radius, center, light.spread));
+    let mut kept = span.meets(simd, &light.project(simd, center), &light.reach(simd, ball));
     let zero = f32x16::splat(simd, 0.0);
-    let on = u32x16::load_array_ref(simd, &points.on);
     let mut shadowed = 0;
-    while kept != 0 {
-        let lane = kept.trailing_zeros() as usize;
-        kept &= kept - 1;
-        // `math::enter_sphere`, for sixteen rays at once.
-        let to_center =
-            [0, 1, 2].map(|k| leaf.center[k][lane] - f32x16::load_array_ref(simd, &points.position[k]));
-        let closest = to_center[0] * direction[0] + to_center[1] * direction[1] + to_center[2] * direction[2];
-        let off_axis = [0, 1, 2].map(|k| to_center[k] - closest * direction[k]);
-        let off_axis_sq = off_axis[0] * off_axis[0] + off_axis[1] * off_axis[1] + off_axis[2] * off_axis[2];
-        let half_chord_sq = f32x16::splat(simd, radius[lane] * radius[lane]) - off_axis_sq;
-        let t = closest - half_chord_sq.max(zero).sqrt();
-        let enters = half_chord_sq.simd_gt(zero) & zero.simd_lt(t);
-        let enters = enters & !on.simd_eq(u32x16::splat(simd, leaf.id[lane]));
-        shadowed |= enters.to_bitmask() as u32;
-        if shadowed & lit == lit {
-            break;
+    if lanes.count_ones() < kept.count_ones() {
+        // Few points: each against the sixteen particles.
+        let ids = u32x16::load_array_ref(simd, &leaf.id);
+        let mut left = lanes;
+        while left != 0 {
+            let lane = left.trailing_zeros() as usize;
+            left &= left - 1;
+            let [x, y, z] = &points.position;
+            let origin = Lanes3::splat(simd, Vec3::new(x[lane], y[lane], z[lane]));
+            let (t, meets) = enter_sphere(simd, particles.minus(origin), direction, radius * radius);
+            let other = !ids.simd_eq(u32x16::splat(simd, points.on[lane]));
+            shadowed |= u32::from((other & meets & zero.simd_lt(t)).to_bitmask() != 0) << lane;
+        }
+    } else {
+        // Few particles: each against the sixteen points.
+        let on = u32x16::load_array_ref(simd, &points.on);
+        let origin = Lanes3::load(simd, &points.position);
+        let radius = radius.to_array();
+        while kept != 0 && shadowed & lanes != lanes {
+            let lane = kept.trailing_zeros() as usize;
+            kept &= kept - 1;
+            let [x, y, z] = &leaf.center;
+            let center = Lanes3::splat(simd, Vec3::new(x[lane], y[lane], z[lane]));
+            let radius_sq = f32x16::splat(simd, radius[lane] * radius[lane]);
+            let (t, meets) = enter_sphere(simd, center.minus(origin), direction, radius_sq);
+            let other = !on.simd_eq(u32x16::splat(simd, leaf.id[lane]));
+            shadowed |= (other & meets & zero.simd_lt(t)).to_bitmask() as u32;
         }
     }
-    shadowed & lit
+    shadowed & lanes
 }

@@ -6,14 +6,15 @@
 //! Result: the same depth and id, bit for bit, that a ray each would find. Boxes and particles are grown by the rounding of the
 //! hit formula before anything is skipped (see `structure::HIT_ROUNDING`).
 
-use fearless_simd::{f32x8, f32x16, prelude::*, u32x16};
+use fearless_simd::{f32x16, prelude::*, u32x16};
 use fearless_simd_macros::simd;
 use glam::Vec3;
 
+use super::simd::{Ball, Lanes3, Reach, child_of, decode, enter_sphere, grown, radii};
 use crate::math::Ray;
 use crate::scene::camera::View;
 use crate::structure::HIT_ROUNDING;
-use crate::structure::bvh::{Bvh, LEAF, Leaf, Node, WIDTH};
+use crate::structure::bvh::{Bvh, LEAF, LEAF_BIT, Leaf, Node};
 
 /// Blocks along a tile's edge, blocks in a tile, rays in a block.
 pub(super) const EDGE: usize = 8;
@@ -78,31 +79,18 @@ impl Tile {
     /// Tests the particle against the sixteen rays of `block` and keeps what is nearer; equally near, the smaller id.
     #[simd]
     fn test<S: Simd>(&mut self, simd: S, view: &View, block: usize, center: Vec3, radius_sq: f32, id: u32) -> bool {
-        let varying = &self.varying[block];
-        let [vx, vy, vz] = [0, 1, 2].map(|axis| f32x16::load_array_ref(simd, &varying[axis]));
-        // `math::enter_sphere`, for sixteen rays at once.
-        let (ox, oy, oz, dx, dy, dz);
-        if view.perspective {
-            let to_center = center - view.eye;
-            [ox, oy, oz] = to_center.to_array().map(|x| f32x16::splat(simd, x));
-            (dx, dy, dz) = (vx, vy, vz);
+        let varying = Lanes3::load(simd, &self.varying[block]);
+        let (to_center, direction) = if view.perspective {
+            (Lanes3::splat(simd, center - view.eye), varying)
         } else {
-            let [cx, cy, cz] = center.to_array().map(|x| f32x16::splat(simd, x));
-            (ox, oy, oz) = (cx - vx, cy - vy, cz - vz);
-            [dx, dy, dz] = view.forward.to_array().map(|x| f32x16::splat(simd, x));
-        }
-        let closest = ox * dx + oy * dy + oz * dz;
-        let (fx, fy, fz) = (ox - closest * dx, oy - closest * dy, oz - closest * dz);
-        let half_chord_sq = f32x16::splat(simd, radius_sq) - (fx * fx + fy * fy + fz * fz);
-        let zero = f32x16::splat(simd, 0.0);
-        let meets = half_chord_sq.simd_gt(zero);
+            (Lanes3::splat(simd, center).minus(varying), Lanes3::splat(simd, view.forward))
+        };
+        let (t, meets) = enter_sphere(simd, to_center, direction, f32x16::splat(simd, radius_sq));
         if meets.to_bitmask() == 0 {
             return false;
         }
-        let t = closest - half_chord_sq.max(zero).sqrt();
-
         let depth = f32x16::load_array_ref(simd, &self.depth[block]);
-        let enters = meets & zero.simd_lt(t) & t.simd_le(depth);
+        let enters = meets & f32x16::splat(simd, 0.0).simd_lt(t) & t.simd_le(depth);
         if enters.to_bitmask() == 0 {
             return false;
         }
@@ -170,7 +158,7 @@ impl Beam {
     }
 }
 
-/// What projected boxes or particles cover: a range of blocks on each axis, and where they start.
+/// What projected boxes or particles cover: a range of blocks across, down, and where they start.
 struct Shadow<V> {
     low: [V; 2],
     high: [V; 2],
@@ -179,41 +167,34 @@ struct Shadow<V> {
     far: V,
 }
 
-/// Projects things at `center` (measured from the eye) that reach `reach(axis)` to both sides along an axis.
+/// Projects things at `center`, measured from the eye.
 #[inline(always)]
 fn project<S: Simd, V: SimdFloat<S, Element = f32>>(
     simd: S,
     beam: &Beam,
-    center: [V; 3],
-    reach: impl Fn(Vec3) -> V,
+    center: Lanes3<V>,
+    thing: impl Reach<S, V>,
 ) -> Shadow<V> {
-    let splat = |x: f32| V::simd_from(simd, x);
-    let dot = |axis: Vec3| {
-        center[2].mul_add(splat(axis.z), center[1].mul_add(splat(axis.y), center[0] * splat(axis.x)))
-    };
-    let near = dot(beam.along) - reach(beam.along);
-    let mut low = [near; 2];
-    let mut high = [near; 2];
-    for k in 0..2 {
-        let middle = dot(beam.across[k]) - splat(beam.shift[k]);
-        let extent = reach(beam.across[k]);
-        low[k] = middle - extent;
-        high[k] = middle + extent;
-    }
+    let near = center.along(simd, beam.along) - thing.reach(simd, beam.along);
+    let middle_x = center.along(simd, beam.across[0]) - V::simd_from(simd, beam.shift[0]);
+    let middle_y = center.along(simd, beam.across[1]) - V::simd_from(simd, beam.shift[1]);
+    let (reach_x, reach_y) = (thing.reach(simd, beam.across[0]), thing.reach(simd, beam.across[1]));
+    let mut low = [middle_x - reach_x, middle_y - reach_y];
+    let mut high = [middle_x + reach_x, middle_y + reach_y];
     if !beam.perspective {
-        return Shadow { low, high, near, far: splat(1.0) };
+        return Shadow { low, high, near, far: V::simd_from(simd, 1.0) };
     }
     // Perspective: the sides that face the axis are divided by the far end, the others by the near one.
-    let middle = dot(beam.forward);
-    let extent = reach(beam.forward);
-    let (front, back) = (middle - extent, middle + extent);
-    let zero = splat(0.0);
+    let middle = center.along(simd, beam.forward);
+    let reach = thing.reach(simd, beam.forward);
+    let (front, back) = (middle - reach, middle + reach);
+    let zero = V::simd_from(simd, 0.0);
     let in_front = front.simd_gt(zero);
     for k in 0..2 {
-        let by_back = low[k].simd_ge(zero).select(back, front);
-        low[k] = in_front.select(low[k] / by_back, splat(f32::NEG_INFINITY));
-        let by_front = high[k].simd_ge(zero).select(front, back);
-        high[k] = in_front.select(high[k] / by_front, splat(f32::INFINITY));
+        let by_low = low[k].simd_ge(zero).select(back, front);
+        low[k] = in_front.select(low[k] / by_low, V::simd_from(simd, f32::NEG_INFINITY));
+        let by_high = high[k].simd_ge(zero).select(front, back);
+        high[k] = in_front.select(high[k] / by_high, V::simd_from(simd, f32::INFINITY));
     }
     Shadow { low, high, near, far: back }
 }
@@ -225,15 +206,19 @@ impl<V> Shadow<V> {
     where
         V: SimdFloat<S, Element = f32>,
     {
-        let splat = |x: f32| V::simd_from(simd, x);
-        let (zero, edge) = (splat(0.0), splat(0.5 * EDGE as f32));
-        let inside = |k: usize| self.low[k].simd_le(edge) & self.high[k].simd_ge(-edge);
-        let touches = inside(0) & inside(1) & self.far.simd_gt(zero);
-        let halves = [0, 1].map(|k| [self.low[k].simd_le(zero), self.high[k].simd_ge(zero)]);
-        std::array::from_fn(|quad| {
-            let open = self.near.simd_le(splat(tile.quad_depth[quad]));
-            (touches & open & halves[0][quad % 2] & halves[1][quad / 2]).to_bitmask() as u32
-        })
+        let zero = V::simd_from(simd, 0.0);
+        let edge = V::simd_from(simd, 0.5 * EDGE as f32);
+        let inside_x = self.low[0].simd_le(edge) & self.high[0].simd_ge(-edge);
+        let inside_y = self.low[1].simd_le(edge) & self.high[1].simd_ge(-edge);
+        let touches = inside_x & inside_y & self.far.simd_gt(zero);
+        let across = [self.low[0].simd_le(zero), self.high[0].simd_ge(zero)];
+        let down = [self.low[1].simd_le(zero), self.high[1].simd_ge(zero)];
+        let mut open = [0; QUADS];
+        for (quad, open) in open.iter_mut().enumerate() {
+            let in_front = self.near.simd_le(V::simd_from(simd, tile.quad_depth[quad]));
+            *open = (touches & in_front & across[quad % 2] & down[quad / 2]).to_bitmask() as u32;
+        }
+        open
     }
 }
 
@@ -243,35 +228,6 @@ pub(super) struct Entry {
     near: f32,
     child: u32,
     quads: u8,
-}
-
-/// Marks a child that is a leaf.
-pub(super) const LEAF_BIT: u32 = 1 << 31;
-
-/// The place of child `child` of `node` among the nodes, or with [`LEAF_BIT`] among the leaves.
-#[inline(always)]
-pub(super) fn child_of(node: &Node, child: usize) -> u32 {
-    let inner = node.node_count as usize;
-    if child < inner { node.first_node + child as u32 } else { LEAF_BIT | (node.first_leaf + (child - inner) as u32) }
-}
-
-/// Middles and half extents of a node's child boxes, measured from `eye`; the extents grown against all rounding.
-#[inline(always)]
-pub(super) fn decode<S: Simd>(simd: S, node: &Node, eye: Vec3, margin: f32) -> ([f32x8<S>; 3], [f32x8<S>; 3]) {
-    let mut center = [f32x8::splat(simd, 0.0); 3];
-    let mut half = center;
-    for axis in 0..3 {
-        let sum: [f32; WIDTH] =
-            std::array::from_fn(|k| (node.lower[axis][k] as u32 + node.upper[axis][k] as u32) as f32);
-        let difference: [f32; WIDTH] =
-            std::array::from_fn(|k| (node.upper[axis][k] as i32 - node.lower[axis][k] as i32) as f32);
-        let half_step = f32x8::splat(simd, 0.5 * node.step[axis]);
-        let to_corner = f32x8::splat(simd, node.corner[axis] - eye[axis]);
-        center[axis] = f32x8::load_array(simd, sum).mul_add(half_step, to_corner);
-        half[axis] = f32x8::load_array(simd, difference) * half_step;
-        half[axis] = (center[axis].abs() + half[axis]).mul_add(HIT_ROUNDING, half[axis] + margin);
-    }
-    (center, half)
 }
 
 /// Finds what every ray of the tile meets. `stack` is scratch.
@@ -298,10 +254,7 @@ pub(super) fn walk<S: Simd>(simd: S, bvh: &Bvh, view: &View, beam: &Beam, tile: 
 fn push_children<S: Simd>(simd: S, bvh: &Bvh, node: &Node, beam: &Beam, tile: &Tile, stack: &mut Vec<Entry>) {
     let margin = HIT_ROUNDING * beam.spread + bvh.slack;
     let (center, half) = decode(simd, node, beam.eye, margin);
-    let shadow = project(simd, beam, center, |axis| {
-        let [x, y, z] = axis.abs().to_array().map(|x| f32x8::splat(simd, x));
-        half[2].mul_add(z, half[1].mul_add(y, half[0] * x))
-    });
+    let shadow = project(simd, beam, center, half);
     let quads = shadow.open_quads(simd, tile);
     let existing = (1u32 << (node.node_count + node.leaf_count)) - 1;
     let mut kept = (quads[0] | quads[1] | quads[2] | quads[3]) & existing;
@@ -310,7 +263,10 @@ fn push_children<S: Simd>(simd: S, bvh: &Bvh, node: &Node, beam: &Beam, tile: &T
     while kept != 0 {
         let child = kept.trailing_zeros() as usize;
         kept &= kept - 1;
-        let mask = (0..QUADS).fold(0, |mask, quad| mask | ((quads[quad] >> child & 1) << quad));
+        let mut mask = 0;
+        for (quad, open) in quads.iter().enumerate() {
+            mask |= (open >> child & 1) << quad;
+        }
         let entry = Entry { near: near[child], child: child_of(node, child), quads: mask as u8 };
         // Insertion sort: at most eight, far before near.
         stack.push(entry);
@@ -327,16 +283,10 @@ fn push_children<S: Simd>(simd: S, bvh: &Bvh, node: &Node, beam: &Beam, tile: &T
 #[simd]
 fn draw_leaf<S: Simd>(simd: S, bvh: &Bvh, place: usize, view: &View, beam: &Beam, tile: &mut Tile) {
     let leaf: &Leaf = &bvh.leaves[place];
-    let radius = match bvh.radii.get(place) {
-        Some(radii) => f32x16::load_array_ref(simd, radii),
-        None => f32x16::splat(simd, bvh.radius),
-    };
     // Project the sixteen particles at once.
-    let center = [0, 1, 2].map(|axis| f32x16::load_array_ref(simd, &leaf.center[axis]) - beam.eye[axis]);
-    let distance = center[0].abs() + center[1].abs() + center[2].abs();
-    let margin = HIT_ROUNDING * beam.spread;
-    let grown = radius + (distance + radius).mul_add(HIT_ROUNDING, f32x16::splat(simd, margin));
-    let shadow = project(simd, beam, center, |axis| grown * axis.length());
+    let radius = radii(simd, bvh, place);
+    let center = Lanes3::load(simd, &leaf.center).minus(Lanes3::splat(simd, beam.eye));
+    let shadow = project(simd, beam, center, Ball(grown(simd, radius, center, beam.spread)));
     let quads = shadow.open_quads(simd, tile);
     let mut kept = quads[0] | quads[1] | quads[2] | quads[3];
     if kept == 0 {
@@ -346,14 +296,15 @@ fn draw_leaf<S: Simd>(simd: S, bvh: &Bvh, place: usize, view: &View, beam: &Beam
     let radius = radius.to_array();
     // Ranges of blocks; casting a float to an integer saturates.
     let half = 0.5 * EDGE as f32;
-    let low = shadow.low.map(|low| (low + half).to_array());
-    let high = shadow.high.map(|high| (high + half).to_array());
+    let low = [(shadow.low[0] + half).to_array(), (shadow.low[1] + half).to_array()];
+    let high = [(shadow.high[0] + half).to_array(), (shadow.high[1] + half).to_array()];
     let mut changed = false;
     while kept != 0 {
         let lane = kept.trailing_zeros() as usize;
         kept &= kept - 1;
-        let [x_low, y_low] = [0, 1].map(|k| (low[k][lane].max(0.0) as usize).min(EDGE - 1));
-        let [x_high, y_high] = [0, 1].map(|k| (high[k][lane].max(0.0) as usize).min(EDGE - 1));
+        let block = |at: f32| (at.max(0.0) as usize).min(EDGE - 1);
+        let (x_low, y_low) = (block(low[0][lane]), block(low[1][lane]));
+        let (x_high, y_high) = (block(high[0][lane]), block(high[1][lane]));
         let center = Vec3::new(leaf.center[0][lane], leaf.center[1][lane], leaf.center[2][lane]);
         let radius_sq = radius[lane] * radius[lane];
         for y in y_low..=y_high {
