@@ -8,6 +8,8 @@ pub mod film;
 pub mod math;
 pub mod particles;
 pub mod progress;
+pub mod scene;
+pub mod srgb;
 
 pub use error::{Error, Result};
 pub use film::Image;

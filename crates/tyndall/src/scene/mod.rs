@@ -1,0 +1,11 @@
+//! What is seen, and how.
+
+pub mod color;
+pub mod coloring;
+pub mod colormap;
+mod colormap_tables;
+pub mod element;
+mod names;
+pub mod quantity;
+mod rgb;
+mod statistics;
