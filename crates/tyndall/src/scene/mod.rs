@@ -1,5 +1,6 @@
 //! What is seen, and how.
 
+pub mod automatic;
 pub mod color;
 pub mod coloring;
 pub mod colormap;
@@ -8,4 +9,5 @@ pub mod element;
 mod names;
 pub mod quantity;
 mod rgb;
+mod spacing;
 mod statistics;
