@@ -1,56 +1,26 @@
 //! From what the user asks to see to a color of every particle.
 //!
 //! [`resolve`] takes a [`Coloring`] and gives [`ParticleColors`]: one byte a particle that says which of at most 256 colors it has,
-//! or three bytes where the particles bring their own. Defaults by the attribute's name: density and mass are logarithmic in
-//! magma, temperature in inferno, components of velocities and charges diverge around zero in coolwarm, else viridis.
+//! or three bytes where the particles bring their own. What is a kind and what an amount is decided here; `kinds` and `amounts`
+//! turn them into colors.
 
 use rayon::prelude::*;
 
+use super::amounts::by_number;
 use super::coloring::{Coloring, Norm, Range, linear};
 use super::colormap::Colormap;
-use super::element::{Element, Elements};
+use super::element::Elements;
+use super::kinds::{by_element, by_type, is_kinds, types};
 use super::quantity::{Quantity, unknown};
 use super::rgb::Rgb;
-use super::statistics::{grouped, quantiles, sampled, short};
+use super::statistics::short;
 use crate::error::{Error, Result};
-use crate::particles::{Attribute, Particles, Values};
+use crate::particles::{Attribute, Particles};
 
-/// Levels of a smooth map over the particles; the place after the last is for missing values.
-const LEVELS: usize = 255;
 /// The color of NaN and of unknown elements, sRGB.
 pub const MISSING: [u8; 3] = [128; 3];
 /// The color of particles that have nothing to show, sRGB.
 const PLAIN: [u8; 3] = [157, 184, 217];
-/// Twelve colors that color-blind people tell apart, neighbors most. Source: M. Krzywinski, mk.bcgsc.ca/colorblind, 12 colors.
-const TYPES: [[u8; 3]; 12] = [
-    [0x00, 0x8d, 0xf9],
-    [0xff, 0x6e, 0x3a],
-    [0x00, 0x9f, 0x81],
-    [0xff, 0xc3, 0x3b],
-    [0x84, 0x00, 0xcd],
-    [0xff, 0x5a, 0xaf],
-    [0x00, 0xc2, 0xf9],
-    [0xe2, 0x01, 0x34],
-    [0x00, 0xfc, 0xcf],
-    [0x9f, 0x01, 0x62],
-    [0xff, 0xb2, 0xfd],
-    [0xa4, 0x01, 0x22],
-];
-/// Names of discrete attributes that sort particles into kinds, best first.
-const TYPE_NAMES: [&str; 12] = [
-    "type",
-    "types",
-    "typeid",
-    "type_id",
-    "atom_type",
-    "atomtype",
-    "ptype",
-    "particletype",
-    "species",
-    "material",
-    "classification",
-    "kind",
-];
 
 /// The color of every particle.
 #[derive(Clone, Debug)]
@@ -113,7 +83,7 @@ impl ParticleColors {
         }
     }
 
-    fn palette(colors: Vec<[u8; 3]>, places: Vec<u8>, description: String) -> Self {
+    pub(super) fn palette(colors: Vec<[u8; 3]>, places: Vec<u8>, description: String) -> Self {
         let colors = colors.into_iter().map(linear).collect();
         Self { store: Store::Palette { colors, places }, description, legend: None }
     }
@@ -135,6 +105,15 @@ pub fn resolve(
     norm: Option<Norm>,
     range: Range,
 ) -> Result<ParticleColors> {
+    if let Range::Given(low, high) = range
+        && !(low.is_finite() && high.is_finite() && low < high)
+    {
+        return Err(Error::setting(
+            "--range",
+            format!("{low}:{high}"),
+            "two finite numbers, the first below the second",
+        ));
+    }
     match coloring {
         Coloring::Constant(color) => Ok(ParticleColors::constant(*color)),
         Coloring::Element => match Elements::find(particles) {
@@ -190,48 +169,6 @@ fn automatic(
     Ok(colors)
 }
 
-fn by_element(particles: &Particles, elements: &Elements) -> ParticleColors {
-    let attribute = &particles.attributes()[elements.attribute];
-    // Places by the order of the values would not fit a byte where names are many: several names are one element.
-    let mut present: Vec<Element> = elements.by_value.iter().flatten().copied().collect();
-    present.sort_unstable();
-    present.dedup();
-    let missing = present.len();
-    let place = |element: &Option<Element>| {
-        element.map_or(missing, |it| present.partition_point(|known| *known < it))
-    };
-    let place_of_value: Vec<u8> = elements.by_value.iter().map(|element| place(element) as u8).collect();
-    let place =
-        |id: usize| place_of_value.get(attribute.number(id, 0) as usize).copied().unwrap_or(missing as u8);
-    let places = (0..particles.len()).into_par_iter().with_min_len(1 << 14).map(place).collect();
-    let colors = present.iter().map(|element| element.color()).chain([MISSING]).collect();
-    let mut description = format!("color elements of {} (Jmol)", attribute.name);
-    if elements.known < 1.0 {
-        description += &format!(", {} % unknown are gray", short(100.0 * (1.0 - elements.known)));
-    }
-    ParticleColors::palette(colors, places, description)
-}
-
-/// The discrete attributes that sort particles into kinds.
-fn types(particles: &Particles) -> impl Iterator<Item = &Attribute> {
-    TYPE_NAMES.iter().filter_map(|name| particles.attribute(name)).filter(|it| is_scalar_discrete(it))
-}
-
-fn is_scalar_discrete(attribute: &Attribute) -> bool {
-    attribute.components == 1 && attribute.values.is_discrete()
-}
-
-/// Whether a discrete attribute holds kinds rather than amounts: by its name, by being words, or by having few values.
-fn is_kinds(attribute: &Attribute) -> bool {
-    let named = TYPE_NAMES.iter().any(|name| name.eq_ignore_ascii_case(&attribute.name));
-    let text = matches!(attribute.values, Values::Text { .. });
-    is_scalar_discrete(attribute)
-        && (named || text || {
-            let spread = Spread::of(attribute.values.len(), |id| attribute.number(id, 0));
-            spread.high - spread.low < TYPES.len() as f64
-        })
-}
-
 /// Whether two particles differ in a scalar attribute.
 fn varies(attribute: &Attribute) -> bool {
     let first = (0..attribute.values.len()).map(|id| attribute.number(id, 0)).find(|value| !value.is_nan());
@@ -244,261 +181,16 @@ fn varies(attribute: &Attribute) -> bool {
 /// Whether a name is that of a size, a place or an orientation, which the picture shows already, or of a number that only tells
 /// particles apart.
 fn is_geometry(name: &str) -> bool {
-    const NAMES: [&str; 30] = [
-        "radius",
-        "diameter",
-        "pscale",
-        "width",
-        "widths",
-        "r",
-        "id",
-        "ids",
-        "time",
-        "x",
-        "y",
-        "z",
-        "xs",
-        "ys",
-        "zs",
-        "xu",
-        "yu",
-        "zu",
-        "nx",
-        "ny",
-        "nz",
-        "ix",
-        "iy",
-        "iz",
-        "quatw",
-        "quati",
-        "quatj",
-        "quatk",
-        "smoothinglength",
-        "h",
-    ];
-    NAMES.iter().any(|known| known.eq_ignore_ascii_case(name))
-}
-
-/// Words count by their alphabetical order, integers by themselves, so that a kind keeps its color from frame to frame.
-fn by_type(attribute: &Attribute, map: Option<&Colormap>) -> ParticleColors {
-    let own = Colormap::of_list("12 colors", TYPES.to_vec());
-    let map = map.filter(|map| map.is_list()).unwrap_or(&own);
-    let colors = map.colors().len() as i64;
-    let place_of_code: Option<Vec<i64>> = match &attribute.values {
-        Values::Text { names, .. } => {
-            let mut sorted: Vec<&String> = names.iter().collect();
-            sorted.sort_unstable();
-            Some(names.iter().map(|name| sorted.partition_point(|other| *other < name) as i64).collect())
-        }
-        _ => None,
-    };
-    let place = |id: usize| {
-        let value = attribute.number(id, 0) as i64;
-        let place = place_of_code.as_ref().map_or(value, |places| places[value as usize]);
-        place.rem_euclid(colors) as u8
-    };
-    let places = (0..attribute.values.len()).into_par_iter().with_min_len(1 << 14).map(place).collect();
-    let description = format!("color {} {}", attribute.name, map.name());
-    ParticleColors::palette(map.colors().to_vec(), places, description)
-}
-
-/// The extremes of a column.
-#[derive(Clone, Copy)]
-struct Spread {
-    low: f64,
-    high: f64,
-    /// The smallest above zero; infinity if there is none.
-    positive_low: f64,
-    /// How many are NaN.
-    missing: usize,
-    /// How many are zero or less.
-    not_positive: usize,
-}
-
-impl Spread {
-    const NONE: Self = Self {
-        low: f64::INFINITY,
-        high: f64::NEG_INFINITY,
-        positive_low: f64::INFINITY,
-        missing: 0,
-        not_positive: 0,
-    };
-
-    fn of(count: usize, value: impl Fn(usize) -> f64 + Sync) -> Self {
-        let ids = (0..count).into_par_iter().with_min_len(1 << 14);
-        ids.fold(|| Self::NONE, |spread, id| spread.with(value(id))).reduce(|| Self::NONE, Self::and)
-    }
-
-    /// Infinite values take the first or last color, but do not stretch the range.
-    fn with(mut self, value: f64) -> Self {
-        if value.is_nan() {
-            self.missing += 1;
-            return self;
-        }
-        self.not_positive += usize::from(value <= 0.0);
-        if value.is_finite() {
-            self.low = self.low.min(value);
-            self.high = self.high.max(value);
-            if value > 0.0 {
-                self.positive_low = self.positive_low.min(value);
-            }
-        }
-        self
-    }
-
-    fn and(self, other: Self) -> Self {
-        Self {
-            low: self.low.min(other.low),
-            high: self.high.max(other.high),
-            positive_low: self.positive_low.min(other.positive_low),
-            missing: self.missing + other.missing,
-            not_positive: self.not_positive + other.not_positive,
-        }
-    }
-}
-
-/// How a quantity is shown if nobody says otherwise.
-enum Look {
-    /// Over orders of magnitude, in the map of that name.
-    Log(&'static str),
-    /// On both sides of zero.
-    Signed,
-    Plain,
-}
-
-fn look(quantity: &Quantity) -> Look {
-    let name = quantity.label().to_ascii_lowercase();
-    let has = |parts: &[&str]| parts.iter().any(|part| name.contains(part));
-    let charge = matches!(name.as_str(), "q" | "charge" | "charges" | "partial_charge");
-    if quantity.is_component() || charge {
-        Look::Signed
-    } else if has(&["temperature"]) || name == "temp" {
-        Look::Log("inferno")
-    } else if has(&["densit", "rho", "mass"]) && !has(&["fraction"]) {
-        Look::Log("magma")
-    } else {
-        Look::Plain
-    }
-}
-
-/// A smooth map over a number of every particle.
-fn by_number(
-    particles: &Particles,
-    quantity: &Quantity,
-    map: Option<&Colormap>,
-    norm: Option<Norm>,
-    range: Range,
-) -> Result<ParticleColors> {
-    let spread = Spread::of(particles.len(), |id| quantity.value(id));
-    let look = look(quantity);
-
-    // The norm: logarithmic by name only where the values span a factor of ten, all above zero.
-    let by_name = |low: f64, high: f64| match look {
-        Look::Log(_) if low > 0.0 && high >= 10.0 * low && spread.not_positive == 0 => Norm::Log,
-        _ => Norm::Linear,
-    };
-    let guessed = match range {
-        Range::Given(low, high) => by_name(low, high),
-        _ => by_name(spread.low, spread.high),
-    };
-    let norm = norm.unwrap_or(guessed);
-    if norm == Norm::Log {
-        if let Range::Given(low, high) = range
-            && low <= 0.0
-        {
-            return Err(Error::setting(
-                "--range",
-                format!("{low}:{high}"),
-                "a logarithm needs a range above 0",
-            ));
-        }
-        if spread.positive_low > spread.high {
-            let allowed = format!("{} has no value above 0: use linear", quantity.label());
-            return Err(Error::setting("--norm", "log", allowed));
-        }
-    }
-
-    let (mut low, mut high, mut how) = limits(particles, quantity, &spread, norm, range);
-    let signed = matches!(look, Look::Signed) && norm == Norm::Linear && low < 0.0 && high > 0.0;
-    if signed && !matches!(range, Range::Given(..)) {
-        high = high.max(-low);
-        low = -high;
-        how += ", centered on 0";
-    }
-    let name = match look {
-        Look::Log(name) => name,
-        Look::Signed if signed => "coolwarm",
-        _ => "viridis",
-    };
-    let map = map.cloned().map_or_else(|| Colormap::named(name), Ok)?;
-
-    // Spread the numbers over the levels.
-    let scaled = |value: f64| match norm {
-        Norm::Linear => value,
-        Norm::Log => value.max(f64::MIN_POSITIVE).ln(),
-    };
-    let (start, end) = (scaled(low), scaled(high));
-    let place = |id: usize| {
-        let value = quantity.value(id);
-        if value.is_nan() {
-            return LEVELS as u8;
-        }
-        // A range of one value shows the middle of the map.
-        let t = if start < end { (scaled(value) - start) / (end - start) } else { 0.5 };
-        (t * LEVELS as f64).clamp(0.0, LEVELS as f64 - 1.0) as u8
-    };
-    let places = (0..particles.len()).into_par_iter().with_min_len(1 << 14).map(place).collect();
-    let level_color =
-        |level: usize| map.at((level as f32 + 0.5) / LEVELS as f32).map(|it| (255.0 * it).round() as u8);
-    let colors = (0..LEVELS).map(level_color).chain([MISSING]).collect();
-
-    let norm_name = if norm == Norm::Log { "log" } else { "linear" };
-    let (label, limits) = (quantity.label(), format!("{}:{}", short(low), short(high)));
-    let mut description = format!("color {label} {} {norm_name} {limits} ({how})", map.name());
-    if norm == Norm::Log && spread.not_positive > 0 {
-        description += &format!(", {} not above 0 have the lowest color", grouped(spread.not_positive));
-    }
-    if spread.missing > 0 {
-        description += &format!(", {} missing are gray", grouped(spread.missing));
-    }
-    let mut colors = ParticleColors::palette(colors, places, description);
-    colors.legend = Some(Legend { label: label.into(), map, norm, low, high });
-    Ok(colors)
-}
-
-/// The numbers of the first and last color, and how they were found.
-fn limits(
-    particles: &Particles,
-    quantity: &Quantity,
-    spread: &Spread,
-    norm: Norm,
-    range: Range,
-) -> (f64, f64, String) {
-    if let Range::Given(low, high) = range {
-        return (low, high, "given".into());
-    }
-    let full = (if norm == Norm::Log { spread.positive_low } else { spread.low }, spread.high);
-    if full.0 > full.1 {
-        return (0.0, 1.0, "no finite value".into());
-    }
-    if full.0 == full.1 {
-        return (full.0, full.1, "one value".into());
-    }
-    if range == Range::Auto {
-        let wanted = |value: f64| value.is_finite() && (norm == Norm::Linear || value > 0.0);
-        let mut values =
-            sampled(particles.len(), |id| Some(quantity.value(id)).filter(|value| wanted(*value)));
-        if let Some([low, high]) = quantiles(&mut values, [0.01, 0.99]).filter(|[low, high]| low < high) {
-            return (low, high, "1-99 %".into());
-        }
-    }
-    (full.0, full.1, "full range".into())
+    const NAMES: &str = "radius diameter pscale width widths r h smoothinglength id ids time x y z xs ys zs xu yu zu nx ny nz \
+                         ix iy iz quatw quati quatj quatk";
+    NAMES.split_ascii_whitespace().any(|known| known.eq_ignore_ascii_case(name))
 }
 
 #[cfg(test)]
 mod tests {
+    use super::super::kinds::TYPES;
     use super::*;
-    use crate::particles::Columns;
+    use crate::particles::{Columns, Values};
     use glam::DVec3;
 
     fn particles(count: usize, attributes: Vec<Attribute>) -> Particles {
@@ -634,6 +326,11 @@ mod tests {
         let map = Colormap::named("Set1").unwrap();
         let listed = resolve(&it, &"phase".parse().unwrap(), Some(&map), None, Range::Auto).unwrap();
         assert_eq!(listed.color(1), linear(map.colors()[0]));
+        let many: Vec<String> = (0..13).map(|k| format!("kind {k}")).collect();
+        let many = words("phase", &many.iter().map(String::as_str).collect::<Vec<_>>());
+        assert!(
+            colors(&particles(13, vec![many]), "phase").description.ends_with("13 kinds share 12 colors")
+        );
         let elements = colors(&particles(3, vec![words("species", &["O", "C", "?"])]), "element");
         assert_eq!((elements.color(0), elements.color(2)), (linear([0xff, 0x0d, 0x0d]), linear(MISSING)));
     }
@@ -646,6 +343,8 @@ mod tests {
         };
         assert!(refused("s", Some(Norm::Log), Range::Auto).contains("no value above 0"));
         assert!(refused("s", Some(Norm::Log), Range::Given(-1.0, 1.0)).contains("above 0"));
+        assert!(refused("s", None, Range::Given(1.0, 1.0)).contains("the first below"));
+        assert!(refused("s", None, Range::Given(f64::NAN, 1.0)).contains("finite"));
         assert!(refused("element", None, Range::Auto).contains("available: s, x, y, z"));
         assert!(refused("type", None, Range::Auto).contains("no attribute 'type'"));
     }
