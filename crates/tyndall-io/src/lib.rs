@@ -1,6 +1,6 @@
 //! Particle files in, pictures out.
 //!
-//! [`Sequence::open`] recognises a file by its content and reads its frames one at a time; [`write`] puts an image on disk.
+//! [`Sequence::open`] recognises a file by its content and reads its frames one at a time; [`mod@write`] puts an image on disk.
 
 pub mod read;
 pub mod sequence;

@@ -10,6 +10,7 @@ pub mod particles;
 pub mod progress;
 pub mod render;
 pub mod scene;
+pub mod srgb;
 pub mod structure;
 
 #[cfg(test)]

@@ -67,7 +67,8 @@ pub struct Ray {
 #[inline(always)]
 pub fn enter_sphere(ray: &Ray, center: Vec3, radius: f32) -> f32 {
     let to_center = center - ray.origin;
-    let closest = to_center.x * ray.direction.x + to_center.y * ray.direction.y + to_center.z * ray.direction.z;
+    let closest =
+        to_center.x * ray.direction.x + to_center.y * ray.direction.y + to_center.z * ray.direction.z;
     // A difference of vectors, not of squared lengths: those cancel for a small sphere far away.
     let off_axis = to_center - closest * ray.direction;
     let off_axis_sq = off_axis.x * off_axis.x + off_axis.y * off_axis.y + off_axis.z * off_axis.z;

@@ -304,8 +304,8 @@ pub struct Particles {
 }
 
 /// Names that attributes holding a radius have in the files of the known programs, best first, and radius over value.
-const RADIUS_NAMES: [(&str, f32); 6] =
-    [("radius", 1.0), ("r", 1.0), ("pscale", 1.0), ("diameter", 0.5), ("width", 0.5), ("widths", 0.5)];
+const RADIUS_NAMES: [(&str, f32); 5] =
+    [("radius", 1.0), ("pscale", 1.0), ("diameter", 0.5), ("width", 0.5), ("widths", 0.5)];
 
 impl Particles {
     /// Checks the columns and drops, counting, what cannot be drawn.

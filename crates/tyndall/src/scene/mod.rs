@@ -1,8 +1,20 @@
 //! What is seen, by whom, in which light.
 
+mod amounts;
+pub mod automatic;
 pub mod camera;
 pub mod color;
+pub mod coloring;
+pub mod colormap;
+mod colormap_tables;
+pub mod element;
+mod kinds;
 pub mod light;
+mod names;
+pub mod quantity;
+mod rgb;
+mod spacing;
+mod statistics;
 
 use crate::structure::{Spheres, Structure};
 use color::ParticleColors;

@@ -1,0 +1,184 @@
+//! PNG: straight alpha, sRGB-encoded, 8 or 16 bits a channel. A picture that is opaque everywhere has no alpha channel.
+//!
+//! Source: Portable Network Graphics, third edition, W3C 2025.
+
+use std::io::{self, Write};
+use std::path::Path;
+
+use png::{
+    BitDepth, ColorType, Compression, Encoder, EncodingError, PixelDimensions, SrgbRenderingIntent, Unit,
+};
+use rayon::prelude::*;
+use tyndall::srgb::encoded_from_linear;
+use tyndall::{Error, Image, Result};
+
+use super::{ImageOptions, atomically};
+
+/// Pixels that are converted at a time: enough for all threads, little beside the picture.
+const BATCH: usize = 1 << 18;
+
+/// Writes the picture. The options but for `bits` were checked by the caller.
+pub(super) fn write(path: &Path, image: &Image, options: &ImageOptions) -> Result<()> {
+    let (depth, full) = match options.bits {
+        8 => (BitDepth::Eight, 255.0),
+        16 => (BitDepth::Sixteen, 65535.0),
+        other => return Err(Error::setting("--bits", other, "a PNG has 8 or 16 bits a channel")),
+    };
+    let opaque = image.color.par_iter().all(|color| color[3] >= 1.0);
+    atomically(path, |file| encode(file, image, options, &Format { depth, full, opaque }).map_err(io_error))
+}
+
+/// How a pixel is stored.
+struct Format {
+    depth: BitDepth,
+    /// The stored value that means 1.
+    full: f32,
+    /// Whether alpha is left out.
+    opaque: bool,
+}
+
+fn encode(
+    file: impl Write,
+    image: &Image,
+    options: &ImageOptions,
+    format: &Format,
+) -> std::result::Result<(), EncodingError> {
+    let mut encoder = Encoder::new(file, image.width, image.height);
+    encoder.set_color(if format.opaque { ColorType::Rgb } else { ColorType::Rgba });
+    encoder.set_depth(format.depth);
+    encoder.set_compression(Compression::Balanced);
+    encoder.set_source_srgb(SrgbRenderingIntent::Perceptual);
+    encoder.set_pixel_dims(options.dpi.map(|dpi| {
+        let per_meter = (dpi / 0.0254).round() as u32;
+        PixelDimensions { xppu: per_meter, yppu: per_meter, unit: Unit::Meter }
+    }));
+    for (key, text) in &options.metadata {
+        // NUL ends nothing here, but readers take it for the end.
+        let (key, text) = (key.clone(), text.replace('\0', " "));
+        // tEXt is Latin-1, but readers disagree beyond ASCII.
+        if text.is_ascii() {
+            encoder.add_text_chunk(key, text)?
+        } else {
+            encoder.add_itxt_chunk(key, text)?
+        };
+    }
+
+    let mut picture = encoder.write_header()?;
+    let mut writer = picture.stream_writer()?;
+    for pixels in image.color.chunks(BATCH) {
+        let stored = pixels.par_chunks(BATCH / 64).map(|pixels| stored(pixels, format));
+        for bytes in stored.collect::<Vec<_>>() {
+            writer.write_all(&bytes)?;
+        }
+    }
+    writer.finish()?;
+    picture.finish()
+}
+
+/// The bytes of pixels, as PNG orders them.
+fn stored(pixels: &[[f32; 4]], format: &Format) -> Vec<u8> {
+    let channels = if format.opaque { 3 } else { 4 };
+    let mut bytes = Vec::with_capacity(pixels.len() * channels * 2);
+    for &[red, green, blue, alpha] in pixels {
+        let straight = if alpha > 0.0 { alpha.recip() } else { 0.0 };
+        let encoded = [red, green, blue].map(|light| encoded_from_linear(light * straight));
+        let values = [encoded[0], encoded[1], encoded[2], alpha];
+        for value in &values[..channels] {
+            // Rounded to the nearest; NaN becomes 0.
+            let word = (format.full * value.clamp(0.0, 1.0)).round() as u16;
+            match format.depth {
+                BitDepth::Sixteen => bytes.extend(word.to_be_bytes()),
+                _ => bytes.push(word as u8),
+            }
+        }
+    }
+    bytes
+}
+
+fn io_error(error: EncodingError) -> io::Error {
+    match error {
+        EncodingError::IoError(error) => error,
+        other => io::Error::other(other),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::tests::{Folder, ramp};
+    use super::*;
+    use std::fs::File;
+    use std::io::BufReader;
+
+    /// Reads a file back: its description, and its channels as numbers from 0 to 255 or 65535.
+    fn read(path: &Path) -> (png::Info<'static>, Vec<u16>) {
+        let mut decoder = png::Decoder::new(BufReader::new(File::open(path).unwrap()));
+        decoder.set_transformations(png::Transformations::IDENTITY);
+        let mut reader = decoder.read_info().unwrap();
+        let mut bytes = vec![0; reader.output_buffer_size().unwrap()];
+        reader.next_frame(&mut bytes).unwrap();
+        reader.finish().unwrap();
+        let words = match reader.info().bit_depth {
+            BitDepth::Sixteen => bytes.chunks(2).map(|it| u16::from_be_bytes([it[0], it[1]])).collect(),
+            _ => bytes.iter().map(|&byte| byte as u16).collect(),
+        };
+        (reader.info().clone(), words)
+    }
+
+    /// The standard's formula in double precision.
+    fn slow(light: f32, alpha: f32, full: f64) -> u16 {
+        let linear = if alpha > 0.0 { light as f64 / alpha as f64 } else { 0.0 };
+        let encoded =
+            if linear <= 0.0031308 { 12.92 * linear } else { 1.055 * linear.powf(1.0 / 2.4) - 0.055 };
+        (full * encoded.clamp(0.0, 1.0)).round() as u16
+    }
+
+    #[test]
+    fn pixels_are_encoded_to_the_nearest_value() {
+        let folder = Folder::new("png");
+        for (bits, opaque) in [(8, true), (8, false), (16, true), (16, false)] {
+            let (path, image) = (folder.0.join("a.png"), ramp(600, 500, opaque));
+            let full = if bits == 8 { 255.0 } else { 65535.0 };
+            super::super::image(&path, &image, &ImageOptions { bits, ..Default::default() }).unwrap();
+            let (info, words) = read(&path);
+            assert_eq!((info.width, info.height, info.bit_depth as u8), (600, 500, bits));
+            assert_eq!(info.color_type, if opaque { ColorType::Rgb } else { ColorType::Rgba });
+            assert_eq!(info.srgb, Some(SrgbRenderingIntent::Perceptual));
+            let channels = if opaque { 3 } else { 4 };
+            assert_eq!(words.len(), image.color.len() * channels);
+            // Single precision may fall on the other side of a half.
+            let tolerance = if bits == 8 { 1 } else { 2 };
+            let mut off = 0;
+            for (pixel, found) in image.color.iter().zip(words.chunks(channels)) {
+                for (c, found) in found.iter().enumerate() {
+                    let alpha = || (full * pixel[3] as f64).round() as u16;
+                    let wanted = if c < 3 { slow(pixel[c], pixel[3], full) } else { alpha() };
+                    assert!(found.abs_diff(wanted) <= tolerance, "{pixel:?} {c} {found}");
+                    off += usize::from(*found != wanted);
+                }
+            }
+            assert!(off * 50 < words.len(), "{off} of {} differ at {bits} bits", words.len());
+        }
+    }
+
+    #[test]
+    fn numbers_that_are_no_colors_are_clamped() {
+        let format = Format { depth: BitDepth::Eight, full: 255.0, opaque: false };
+        let pixels = [[f32::NAN, f32::INFINITY, -1.0, 1.0], [1.0, 1.0, 1.0, 0.0], [9.0, 0.25, 0.0, 0.5]];
+        assert_eq!(stored(&pixels, &format), [0, 255, 0, 255, 0, 0, 0, 0, 255, 188, 0, 128]);
+    }
+
+    #[test]
+    fn texts_and_size_on_paper_are_kept() {
+        let folder = Folder::new("png-text");
+        let path = folder.0.join("a.png");
+        let pair = |key: &str, text: &str| (key.to_string(), text.to_string());
+        let metadata = vec![pair("Software", "Tyndall 0.1.0"), pair("tyndall:unit", "5 Å, ½ µm\nand 粒子")];
+        super::super::image(&path, &ramp(3, 2, true), &ImageOptions { bits: 8, dpi: Some(300.0), metadata })
+            .unwrap();
+        let (info, _) = read(&path);
+        let size = info.pixel_dims.unwrap();
+        assert_eq!((size.xppu, size.yppu, size.unit), (11811, 11811, Unit::Meter));
+        assert_eq!(info.uncompressed_latin1_text[0].text, "Tyndall 0.1.0");
+        assert_eq!(info.utf8_text[0].get_text().unwrap(), "5 Å, ½ µm\nand 粒子");
+    }
+}

@@ -1,0 +1,210 @@
+//! Colors of amounts: a smooth map over a number of every particle.
+//!
+//! Defaults by the quantity's name: density and mass are logarithmic in magma, temperature in inferno, components of vectors and
+//! charges diverge around zero in coolwarm, else viridis. The range is that of the 1st to the 99th percentile.
+
+use rayon::prelude::*;
+
+use super::color::{Legend, MISSING, ParticleColors};
+use super::coloring::{Norm, Range};
+use super::colormap::Colormap;
+use super::quantity::Quantity;
+use super::statistics::{grouped, quantiles, sampled, short};
+use crate::error::{Error, Result};
+use crate::particles::Particles;
+
+/// Levels of a smooth map over the particles; the place after the last is for missing values.
+const LEVELS: usize = 255;
+
+/// The extremes of a column.
+#[derive(Clone, Copy)]
+pub(super) struct Spread {
+    pub(super) low: f64,
+    pub(super) high: f64,
+    /// The smallest above zero; infinity if there is none.
+    positive_low: f64,
+    /// How many are NaN.
+    missing: usize,
+    /// How many are zero or less.
+    not_positive: usize,
+}
+
+impl Spread {
+    const NONE: Self = Self {
+        low: f64::INFINITY,
+        high: f64::NEG_INFINITY,
+        positive_low: f64::INFINITY,
+        missing: 0,
+        not_positive: 0,
+    };
+
+    pub(super) fn of(count: usize, value: impl Fn(usize) -> f64 + Sync) -> Self {
+        let ids = (0..count).into_par_iter().with_min_len(1 << 14);
+        ids.fold(|| Self::NONE, |spread, id| spread.with(value(id))).reduce(|| Self::NONE, Self::and)
+    }
+
+    /// Infinite values take the first or last color, but do not stretch the range.
+    fn with(mut self, value: f64) -> Self {
+        if value.is_nan() {
+            self.missing += 1;
+            return self;
+        }
+        self.not_positive += usize::from(value <= 0.0);
+        if value.is_finite() {
+            self.low = self.low.min(value);
+            self.high = self.high.max(value);
+            if value > 0.0 {
+                self.positive_low = self.positive_low.min(value);
+            }
+        }
+        self
+    }
+
+    fn and(self, other: Self) -> Self {
+        Self {
+            low: self.low.min(other.low),
+            high: self.high.max(other.high),
+            positive_low: self.positive_low.min(other.positive_low),
+            missing: self.missing + other.missing,
+            not_positive: self.not_positive + other.not_positive,
+        }
+    }
+}
+
+/// How a quantity is shown if nobody says otherwise.
+enum Look {
+    /// Over orders of magnitude, in the map of that name.
+    Log(&'static str),
+    /// On both sides of zero.
+    Signed,
+    Plain,
+}
+
+fn look(quantity: &Quantity) -> Look {
+    let name = quantity.label().to_ascii_lowercase();
+    let has = |parts: &[&str]| parts.iter().any(|part| name.contains(part));
+    let charge = matches!(name.as_str(), "q" | "charge" | "charges" | "partial_charge");
+    if quantity.is_component() || charge {
+        Look::Signed
+    } else if has(&["temperature"]) || name == "temp" {
+        Look::Log("inferno")
+    } else if has(&["densit", "rho", "mass"]) && !has(&["fraction"]) {
+        Look::Log("magma")
+    } else {
+        Look::Plain
+    }
+}
+
+/// A smooth map over a number of every particle.
+pub(super) fn by_number(
+    particles: &Particles,
+    quantity: &Quantity,
+    map: Option<&Colormap>,
+    norm: Option<Norm>,
+    range: Range,
+) -> Result<ParticleColors> {
+    let spread = Spread::of(particles.len(), |id| quantity.value(id));
+    let look = look(quantity);
+
+    // The norm: logarithmic by name only where the values span a factor of ten, all above zero.
+    let by_name = |low: f64, high: f64| match look {
+        Look::Log(_) if low > 0.0 && high >= 10.0 * low && spread.not_positive == 0 => Norm::Log,
+        _ => Norm::Linear,
+    };
+    let guessed = match range {
+        Range::Given(low, high) => by_name(low, high),
+        _ => by_name(spread.low, spread.high),
+    };
+    let norm = norm.unwrap_or(guessed);
+    if norm == Norm::Log {
+        if let Range::Given(low, high) = range
+            && low <= 0.0
+        {
+            return Err(Error::setting(
+                "--range",
+                format!("{low}:{high}"),
+                "a logarithm needs a range above 0",
+            ));
+        }
+        if spread.positive_low > spread.high {
+            let allowed = format!("{} has no value above 0: use linear", quantity.label());
+            return Err(Error::setting("--norm", "log", allowed));
+        }
+    }
+
+    let (mut low, mut high, mut how) = limits(particles, quantity, &spread, norm, range);
+    let signed = matches!(look, Look::Signed) && norm == Norm::Linear && low < 0.0 && high > 0.0;
+    if signed && !matches!(range, Range::Given(..)) {
+        high = high.max(-low);
+        low = -high;
+        how += ", centered on 0";
+    }
+    let name = match look {
+        Look::Log(name) => name,
+        Look::Signed if signed => "coolwarm",
+        _ => "viridis",
+    };
+    let map = map.cloned().map_or_else(|| Colormap::named(name), Ok)?;
+
+    // Spread the numbers over the levels.
+    let scaled = |value: f64| match norm {
+        Norm::Linear => value,
+        Norm::Log => value.max(f64::MIN_POSITIVE).ln(),
+    };
+    let (start, end) = (scaled(low), scaled(high));
+    let place = |id: usize| {
+        let value = quantity.value(id);
+        if value.is_nan() {
+            return LEVELS as u8;
+        }
+        // A range of one value shows the middle of the map.
+        let t = if start < end { (scaled(value) - start) / (end - start) } else { 0.5 };
+        (t * LEVELS as f64).clamp(0.0, LEVELS as f64 - 1.0) as u8
+    };
+    let places = (0..particles.len()).into_par_iter().with_min_len(1 << 14).map(place).collect();
+    let level_color =
+        |level: usize| map.at((level as f32 + 0.5) / LEVELS as f32).map(|it| (255.0 * it).round() as u8);
+    let colors = (0..LEVELS).map(level_color).chain([MISSING]).collect();
+
+    let norm_name = if norm == Norm::Log { "log" } else { "linear" };
+    let (label, limits) = (quantity.label(), format!("{}:{}", short(low), short(high)));
+    let mut description = format!("color {label} {} {norm_name} {limits} ({how})", map.name());
+    if norm == Norm::Log && spread.not_positive > 0 {
+        description += &format!(", {} not above 0 have the lowest color", grouped(spread.not_positive));
+    }
+    if spread.missing > 0 {
+        description += &format!(", {} missing are gray", grouped(spread.missing));
+    }
+    let mut colors = ParticleColors::palette(colors, places, description);
+    colors.legend = Some(Legend { label: label.into(), map, norm, low, high });
+    Ok(colors)
+}
+
+/// The numbers of the first and last color, and how they were found.
+fn limits(
+    particles: &Particles,
+    quantity: &Quantity,
+    spread: &Spread,
+    norm: Norm,
+    range: Range,
+) -> (f64, f64, String) {
+    if let Range::Given(low, high) = range {
+        return (low, high, "given".into());
+    }
+    let full = (if norm == Norm::Log { spread.positive_low } else { spread.low }, spread.high);
+    if full.0 > full.1 {
+        return (0.0, 1.0, "no finite value".into());
+    }
+    if full.0 == full.1 {
+        return (full.0, full.1, "one value".into());
+    }
+    if range == Range::Auto {
+        let wanted = |value: f64| value.is_finite() && (norm == Norm::Linear || value > 0.0);
+        let mut values =
+            sampled(particles.len(), |id| Some(quantity.value(id)).filter(|value| wanted(*value)));
+        if let Some([low, high]) = quantiles(&mut values, [0.01, 0.99]).filter(|[low, high]| low < high) {
+            return (low, high, "1-99 %".into());
+        }
+    }
+    (full.0, full.1, "full range".into())
+}

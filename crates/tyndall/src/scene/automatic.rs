@@ -1,0 +1,303 @@
+//! What is guessed where nobody says: the particles' radii, and the box that the camera frames.
+//!
+//! Each guess comes with one line that says what was chosen and why; a shell prints it once.
+
+use super::element::Elements;
+use super::spacing::{QUERIES, median_spacing};
+use super::statistics::{grouped, quantiles, sampled_ids, short};
+use crate::math::Bounds;
+use crate::particles::{Attribute, Cell, Particles, Radii};
+use glam::Vec3;
+use rayon::prelude::*;
+
+/// The radius, in Å, of an atom whose element has none or is not known.
+const UNKNOWN_RADIUS: f32 = 1.7;
+/// The radius of particles without any distance between them, in the unit of the positions.
+const LONE_RADIUS: f32 = 0.5;
+/// No two atoms are nearer than those of hydrogen, 0.74 Å: a smaller spacing is in nm.
+const LEAST_SPACING: f64 = 0.5;
+/// At most so many particles are sampled for the framing box.
+const SAMPLES: usize = 1_000_000;
+/// The share of particles on either side of an axis that may be outliers.
+const TAIL: f64 = 0.001;
+
+/// The radii of the particles, and how they were found: the file's own, else the van der Waals radii of the elements, else half
+/// the median distance to the nearest neighbor.
+pub fn radii(particles: &Particles) -> (Radii, String) {
+    if let Some(radii) = particles.radii() {
+        return (radii.clone(), described(radii, particles.attributes()));
+    }
+    let spacing = median_spacing(particles.positions());
+    if let Some(elements) = Elements::find(particles) {
+        return by_element(particles, &elements, spacing);
+    }
+    match spacing.map(|spacing| (spacing, (0.5 * spacing) as f32)) {
+        // A radius that single precision rounds to nothing would show nothing.
+        Some((spacing, radius)) if radius > 0.0 => {
+            let samples = grouped(particles.len().min(QUERIES));
+            let nearest = short(spacing);
+            let text = format!(
+                "radius {}: half the median distance {nearest} to the nearest neighbor ({samples} samples)",
+                short(radius as f64)
+            );
+            (Radii::Uniform(radius), text)
+        }
+        _ => {
+            let why = match particles.len() {
+                0 => "no particles",
+                1 => "a single particle",
+                _ => "all particles are at one place",
+            };
+            (Radii::Uniform(LONE_RADIUS), format!("radius {LONE_RADIUS}: {why}"))
+        }
+    }
+}
+
+fn described(radii: &Radii, attributes: &[Attribute]) -> String {
+    match radii {
+        Radii::Uniform(radius) => format!("radius {} of the file", short(*radius as f64)),
+        Radii::PerType { attribute, .. } => format!("radius of the file, by {}", attributes[*attribute].name),
+        Radii::PerParticle { attribute, scale } => {
+            let name = &attributes[*attribute].name;
+            if *scale == 1.0 {
+                format!("radius {name}")
+            } else {
+                format!("radius {name} × {}", short(*scale as f64))
+            }
+        }
+    }
+}
+
+fn by_element(particles: &Particles, elements: &Elements, spacing: Option<f64>) -> (Radii, String) {
+    let (per_angstrom, unit) = match particles.length_unit().map(str::to_ascii_lowercase).as_deref() {
+        Some("nm" | "nanometer" | "nanometre") => (0.1, "nm"),
+        Some("bohr" | "a0") => (1.0 / 0.529_177_2, "bohr"),
+        Some("pm") => (100.0, "pm"),
+        Some("um" | "µm" | "micron") => (1e-4, "µm"),
+        Some("cm") => (1e-8, "cm"),
+        Some("m") => (1e-10, "m"),
+        Some("Å" | "a" | "angstrom" | "angstroms") => (1.0, "Å"),
+        _ if spacing.is_some_and(|spacing| spacing < LEAST_SPACING) => {
+            (0.1, "nm, as the atoms are so near each other")
+        }
+        _ => (1.0, "Å, as the file names no unit"),
+    };
+    let of_value =
+        |element: &Option<_>| element.and_then(super::element::Element::radius).unwrap_or(UNKNOWN_RADIUS);
+    let mut radii: Vec<f32> =
+        elements.by_value.iter().map(|element| per_angstrom * of_value(element)).collect();
+    // Values beyond the table have its last entry.
+    radii.push(per_angstrom * UNKNOWN_RADIUS);
+    let name = &particles.attributes()[elements.attribute].name;
+    let mut text = format!("radius of the elements of {name}, van der Waals × 1, in {unit}");
+    if elements.known < 1.0 {
+        let unknown = short(100.0 * (1.0 - elements.known));
+        text += &format!("; {unknown} % unknown have {UNKNOWN_RADIUS} Å");
+    }
+    (Radii::PerType { attribute: elements.attribute, radii }, text)
+}
+
+/// The box that a camera should show.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Framing {
+    /// The box of the centers, as offsets from the positions' origin. Empty without particles.
+    pub bounds: Bounds,
+    /// How it was found, in one line.
+    pub description: String,
+    /// What the picture may leave out, in one line.
+    pub warning: Option<String>,
+}
+
+/// The box to show: the simulation's cell if the particles fill it, else that of the particles without far outliers.
+///
+/// Outliers count as far where they make the box more than 1.5 times as large as that of the 0.1 to 99.9 percentiles.
+pub fn framing(particles: &Particles) -> Framing {
+    let full = particles.bounds();
+    let framed = |bounds: Bounds, text: &str| Framing {
+        bounds,
+        description: format!("framed on {text}"),
+        warning: None,
+    };
+    if full.is_empty() {
+        return framed(full, "nothing: there are no particles");
+    }
+    let middle = percentile_box(particles);
+    if let Some(cell) = particles.cell() {
+        let cell = cell_bounds(cell, particles);
+        if fills(middle, cell) {
+            return framed(cell, "the cell");
+        }
+    }
+    let size = middle.extent().max_element();
+    let farthest = (middle.min - full.min).max(full.max - middle.max).max_element();
+    let grows = (full.extent() - middle.extent()).max_element();
+    // Without an extent of the many there is nothing to frame but the few.
+    if size <= 0.0 || grows <= 0.5 * size {
+        return framed(full, "all particles");
+    }
+    let outside = count_outside(particles, middle.grown(0.5 * size));
+    if outside == 0 {
+        return framed(full, "all particles");
+    }
+    let share = short(100.0 * outside as f64 / particles.len() as f64);
+    let times = short((farthest / size) as f64);
+    let mut framing = framed(middle, "the 99.9 % box of the particles");
+    framing.warning = Some(format!(
+        "{share} % of particles lie up to {times}× the box's size outside the rest; framed on the 99.9 % box \
+         (--frame-all to see all)"
+    ));
+    framing
+}
+
+/// The box between the 0.1 and the 99.9 percentile of each coordinate.
+fn percentile_box(particles: &Particles) -> Bounds {
+    let columns = particles.positions().offsets();
+    let mut bounds = Bounds { min: Vec3::ZERO, max: Vec3::ZERO };
+    for (axis, column) in columns.into_iter().enumerate() {
+        let mut values: Vec<f64> = sampled_ids(column.len(), SAMPLES).map(|id| column[id] as f64).collect();
+        if let Some([low, high]) = quantiles(&mut values, [TAIL, 1.0 - TAIL]) {
+            (bounds.min[axis], bounds.max[axis]) = (low as f32, high as f32);
+        }
+    }
+    bounds
+}
+
+/// The box around the cell, as offsets from the positions' origin.
+fn cell_bounds(cell: &Cell, particles: &Particles) -> Bounds {
+    let origin = particles.positions().origin();
+    cell.corners().into_iter().fold(Bounds::EMPTY, |bounds, corner| bounds.with((corner - origin).as_vec3()))
+}
+
+/// Whether a box lies in the cell, give or take a tenth, and takes at least 7/10 of it along each axis on which the cell is not thin.
+fn fills(middle: Bounds, cell: Bounds) -> bool {
+    let (size, extent) = (cell.extent(), middle.extent());
+    let around = cell.grown(0.1 * size.max_element());
+    let inside = middle.min.cmpge(around.min).all() && middle.max.cmple(around.max).all();
+    // Two-dimensional simulations have a cell of any thickness.
+    let full = (0..3).all(|axis| extent[axis] >= 0.7 * size[axis] || size[axis] < 0.1 * size.max_element());
+    inside && full && size.max_element() > 0.0
+}
+
+fn count_outside(particles: &Particles, bounds: Bounds) -> usize {
+    let outside = |id: &usize| {
+        let place = particles.positions().offset(*id);
+        !(place.cmpge(bounds.min).all() && place.cmple(bounds.max).all())
+    };
+    (0..particles.len()).into_par_iter().with_min_len(1 << 14).filter(outside).count()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::statistics::scrambled;
+    use super::*;
+    use crate::particles::{Columns, Values};
+    use glam::DVec3;
+
+    fn point(key: usize) -> DVec3 {
+        let uniform = |key: usize| scrambled(key as u64) as f64 / u64::MAX as f64;
+        DVec3::new(uniform(3 * key), uniform(3 * key + 1), uniform(3 * key + 2))
+    }
+
+    fn columns(count: usize, place: impl Fn(usize) -> DVec3) -> Columns {
+        let mut columns = Columns::default();
+        columns.positions.extend(&(0..count).map(place).collect::<Vec<_>>());
+        columns
+    }
+
+    fn elements(symbols: &[&str], spacing: f64, unit: Option<&str>) -> Particles {
+        let mut it = columns(symbols.len(), |id| DVec3::X * spacing * id as f64);
+        let codes = (0..symbols.len() as u32).collect();
+        let names = symbols.iter().map(|symbol| symbol.to_string()).collect();
+        it.attributes.push(Attribute::new("element", 1, Values::Text { codes, names }));
+        it.length_unit = unit.map(str::to_string);
+        Particles::new(it).unwrap()
+    }
+
+    #[test]
+    fn the_radius_of_the_file_comes_first() {
+        let mut it = columns(2, point);
+        it.attributes.push(Attribute::new("diameter", 1, Values::F32(vec![1.0, 2.0])));
+        let (found, text) = radii(&Particles::new(it).unwrap());
+        assert_eq!(found, Radii::PerParticle { attribute: 0, scale: 0.5 });
+        assert_eq!(text, "radius diameter × 0.5");
+    }
+
+    #[test]
+    fn elements_have_their_radii_in_the_unit_of_the_file() {
+        let of = |it: &Particles| {
+            let (found, text) = radii(it);
+            (0..it.len())
+                .map(|id| it.radius(&found, id))
+                .chain([0.0])
+                .zip(std::iter::repeat(text))
+                .collect::<Vec<_>>()
+        };
+        let it = of(&elements(&["O", "H", "?"], 1.0, None));
+        assert_eq!((it[0].0, it[1].0, it[2].0), (1.52, 1.2, UNKNOWN_RADIUS));
+        let text = "radius of the elements of element, van der Waals × 1, in Å, as the file names no unit; 33.33 % \
+                    unknown have 1.7 Å";
+        assert_eq!(it[0].1, text);
+        assert_eq!(of(&elements(&["O", "H"], 1.0, Some("nm")))[0].0, 0.1 * 1.52);
+        assert_eq!(of(&elements(&["O", "H"], 0.1, None))[0].0, 0.1 * 1.52);
+        assert_eq!(of(&elements(&["O", "H"], 0.1, Some("Å")))[0].0, 1.52);
+    }
+
+    #[test]
+    fn else_half_the_spacing_is_the_radius() {
+        let lattice =
+            columns(1000, |id| DVec3::new((id % 10) as f64, (id / 10 % 10) as f64, (id / 100) as f64) * 0.25);
+        let (found, text) = radii(&Particles::new(lattice).unwrap());
+        assert_eq!(found, Radii::Uniform(0.125));
+        assert_eq!(
+            text,
+            "radius 0.125: half the median distance 0.25 to the nearest neighbor (1,000 samples)"
+        );
+        for (count, why) in [(0, "no particles"), (1, "a single particle"), (5, "one place")] {
+            let (found, text) = radii(&Particles::new(columns(count, |_| DVec3::ONE)).unwrap());
+            assert_eq!(found, Radii::Uniform(0.5));
+            assert!(text.ends_with(why), "{text}");
+        }
+    }
+
+    #[test]
+    fn far_outliers_do_not_decide_the_frame() {
+        let far = |id: usize| if id == 77 { DVec3::splat(1e4) } else { point(id) };
+        let found = framing(&Particles::new(columns(20_000, far)).unwrap());
+        assert!(found.bounds.extent().max_element() < 1.0, "{found:?}");
+        let wanted = "0.005 % of particles lie up to 100";
+        assert!(found.warning.is_some_and(|text| text.starts_with(wanted) && text.contains("--frame-all")));
+    }
+
+    #[test]
+    fn without_far_outliers_all_are_framed() {
+        let near = |id: usize| if id == 77 { DVec3::splat(1.3) } else { point(id) };
+        let flat = |id: usize| if id == 77 { DVec3::Z } else { point(id) * DVec3::new(9.0, 9.0, 0.0) };
+        let heap = |id: usize| if id == 77 { DVec3::X } else { DVec3::ZERO };
+        for (count, place) in
+            [(20_000, &near as &dyn Fn(usize) -> DVec3), (20_000, &flat), (20_000, &heap), (3, &near)]
+        {
+            let it = Particles::new(columns(count, place)).unwrap();
+            let found = framing(&it);
+            assert_eq!((found.bounds, found.warning), (it.bounds(), None));
+        }
+        assert!(framing(&Particles::new(columns(0, point)).unwrap()).bounds.is_empty());
+    }
+
+    #[test]
+    fn a_filled_cell_is_framed_and_an_empty_one_is_not() {
+        let framed = |vectors: [DVec3; 3], place: &dyn Fn(usize) -> DVec3| {
+            let mut it = columns(5000, place);
+            it.cell = Some(Cell { origin: DVec3::ZERO, vectors, periodic: [true; 3] });
+            framing(&Particles::new(it).unwrap()).description
+        };
+        let cube = [DVec3::X, DVec3::Y, DVec3::Z];
+        assert_eq!(framed(cube, &point), "framed on the cell");
+        assert_eq!(framed(cube, &|id| point(id) * 0.3), "framed on all particles");
+        assert_eq!(framed(cube, &|id| point(id) + 0.5), "framed on all particles");
+        let tilted = [DVec3::X, DVec3::new(0.5, 1.0, 0.0), DVec3::Z];
+        let sheared = |id: usize| point(id) + DVec3::X * 0.5 * point(id).y;
+        assert_eq!(framed(tilted, &sheared), "framed on the cell");
+        let thin = [DVec3::X, DVec3::Y, DVec3::Z * 0.01];
+        assert_eq!(framed(thin, &|id| point(id) * DVec3::new(1.0, 1.0, 0.0)), "framed on the cell");
+    }
+}

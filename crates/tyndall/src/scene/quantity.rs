@@ -1,0 +1,257 @@
+//! A number of every particle, found by name: an attribute, a component or the magnitude of a vector, or a coordinate.
+//!
+//! A vector is an attribute with several components, or scalars whose names differ in the axis only (`vx`, `vy`, `vz`).
+
+use super::names::nearest;
+use crate::error::{Error, Result};
+use crate::particles::{Attribute, Particles};
+
+/// How the names of a vector's components end in files that hold them as scalars.
+const SUFFIXES: [[&str; 3]; 7] = [
+    ["x", "y", "z"],
+    ["_x", "_y", "_z"],
+    [".x", ".y", ".z"],
+    [":0", ":1", ":2"],
+    ["[1]", "[2]", "[3]"],
+    ["_0", "_1", "_2"],
+    [".0", ".1", ".2"],
+];
+/// What a velocity is called in the files of the known programs.
+const VELOCITIES: [&str; 5] = ["v", "vel", "velocity", "velocities", "u"];
+
+/// Which number of a vector is meant.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Component {
+    /// Its length, in the vector's unit; of a scalar, the absolute value.
+    Magnitude,
+    /// The component at this place, from 0.
+    Index(usize),
+}
+
+/// Where the numbers come from.
+#[derive(Clone, Debug)]
+enum Source<'a> {
+    /// One component of an attribute.
+    Component(&'a Attribute, usize),
+    /// The magnitude of an attribute.
+    Magnitude(&'a Attribute),
+    /// The magnitude of the vector of these scalars.
+    Scalars(Vec<&'a Attribute>),
+    /// A coordinate: its axis.
+    Coordinate(usize),
+}
+
+/// A number of every particle.
+#[derive(Clone, Debug)]
+pub struct Quantity<'a> {
+    particles: &'a Particles,
+    source: Source<'a>,
+    label: String,
+}
+
+impl<'a> Quantity<'a> {
+    /// The quantity of that name. Without a component, a scalar is itself and a vector its magnitude.
+    ///
+    /// Fails with [`Error::Setting`], which names the nearest attribute and all others, if there is none.
+    pub fn find(particles: &'a Particles, name: &str, component: Option<Component>) -> Result<Self> {
+        let found = match component {
+            None => plain(particles, name),
+            Some(Component::Magnitude) => {
+                vector(particles, name).or_else(|| particles.attribute(name).map(Source::Magnitude))
+            }
+            Some(Component::Index(place)) => component_of(particles, name, place),
+        };
+        let source = found.ok_or_else(|| unknown(particles, &written(name, component)))?;
+        let label = match &source {
+            Source::Component(attribute, place) if attribute.components > 1 => {
+                format!("{}.{}", attribute.name, "xyz".get(*place..place + 1).unwrap_or("?"))
+            }
+            Source::Component(attribute, _) => attribute.name.clone(),
+            Source::Magnitude(attribute) => format!("|{}|", attribute.name),
+            Source::Scalars(_) => format!("|{name}|"),
+            Source::Coordinate(axis) => "xyz"[*axis..axis + 1].into(),
+        };
+        Ok(Self { particles, source, label })
+    }
+
+    /// The number of particle `id`; NaN where the file has none.
+    #[inline]
+    pub fn value(&self, id: usize) -> f64 {
+        match &self.source {
+            Source::Component(attribute, place) => attribute.number(id, *place),
+            Source::Magnitude(attribute) => {
+                (0..attribute.components).map(|place| attribute.number(id, place).powi(2)).sum::<f64>().sqrt()
+            }
+            Source::Scalars(columns) => columns.iter().map(|it| it.number(id, 0).powi(2)).sum::<f64>().sqrt(),
+            Source::Coordinate(axis) => self.particles.positions().world(id)[*axis],
+        }
+    }
+
+    /// Its name for people: `c_pe`, `|v|`, `Vel.x`.
+    pub fn label(&self) -> &str {
+        &self.label
+    }
+
+    /// The attribute, if the quantity is one scalar attribute as it stands in the file.
+    pub fn scalar(&self) -> Option<&'a Attribute> {
+        match self.source {
+            Source::Component(attribute, _) if attribute.components == 1 => Some(attribute),
+            _ => None,
+        }
+    }
+
+    /// Whether this is a component of a vector, which has a sign.
+    pub fn is_component(&self) -> bool {
+        match &self.source {
+            Source::Component(attribute, _) if attribute.components > 1 => true,
+            Source::Component(attribute, _) => stems(&attribute.name)
+                .any(|(stem, _)| scalars(self.particles, stem).is_some_and(|columns| columns.len() > 1)),
+            _ => false,
+        }
+    }
+}
+
+fn plain<'a>(particles: &'a Particles, name: &str) -> Option<Source<'a>> {
+    if let Some(attribute) = particles.attribute(name) {
+        let scalar = attribute.components == 1;
+        return Some(if scalar { Source::Component(attribute, 0) } else { Source::Magnitude(attribute) });
+    }
+    let axis = ["x", "y", "z"].iter().position(|axis| axis.eq_ignore_ascii_case(name));
+    let component = || stems(name).find_map(|(stem, place)| component_of(particles, stem, place));
+    axis.map(Source::Coordinate).or_else(|| vector(particles, name)).or_else(component)
+}
+
+/// The vector of that name; any name of a velocity means the one that the file has.
+fn vector<'a>(particles: &'a Particles, name: &str) -> Option<Source<'a>> {
+    spellings(name).find_map(|name| {
+        let attribute = particles.attribute(name).filter(|it| it.components > 1).map(Source::Magnitude);
+        attribute.or_else(|| scalars(particles, name).map(Source::Scalars))
+    })
+}
+
+fn component_of<'a>(particles: &'a Particles, name: &str, place: usize) -> Option<Source<'a>> {
+    spellings(name).find_map(|name| {
+        if let Some(attribute) = particles.attribute(name).filter(|it| place < it.components) {
+            return Some(Source::Component(attribute, place));
+        }
+        let ends = SUFFIXES.iter().filter_map(|ends| ends.get(place));
+        let found = ends.filter_map(|end| particles.attribute(&format!("{name}{end}")));
+        found.into_iter().find(|it| it.components == 1).map(|attribute| Source::Component(attribute, 0))
+    })
+}
+
+/// The scalars that are the components of the vector `name`: two or three.
+fn scalars<'a>(particles: &'a Particles, name: &str) -> Option<Vec<&'a Attribute>> {
+    SUFFIXES.iter().find_map(|ends| {
+        let scalar =
+            |end: &&str| particles.attribute(&format!("{name}{end}")).filter(|it| it.components == 1);
+        let columns: Vec<_> = ends.iter().map_while(scalar).collect();
+        (columns.len() >= 2).then_some(columns)
+    })
+}
+
+/// The name, and if it is one of a velocity, its other names.
+fn spellings(name: &str) -> impl Iterator<Item = &str> {
+    let velocity = VELOCITIES.iter().any(|known| known.eq_ignore_ascii_case(name));
+    let others = if velocity { &VELOCITIES[..] } else { &[] };
+    std::iter::once(name).chain(others.iter().copied())
+}
+
+/// The vectors that `name` may be a component of, and which: `vx` is component 0 of `v`.
+fn stems(name: &str) -> impl Iterator<Item = (&str, usize)> {
+    SUFFIXES.iter().flat_map(move |ends| {
+        let found = ends.iter().enumerate().find_map(|(place, end)| Some((name.strip_suffix(end)?, place)));
+        found.filter(|(stem, _)| !stem.is_empty())
+    })
+}
+
+/// The quantity as people write it.
+fn written(name: &str, component: Option<Component>) -> String {
+    match component {
+        None => name.into(),
+        Some(Component::Magnitude) => format!("|{name}|"),
+        Some(Component::Index(place)) => format!("{name}.{place}"),
+    }
+}
+
+/// The error about an attribute that the particles do not have.
+pub(crate) fn unknown(particles: &Particles, name: &str) -> Error {
+    let names = || particles.attributes().iter().map(|attribute| attribute.name.as_str());
+    let meant = nearest(name, names()).map_or(String::new(), |meant| format!(" did you mean '{meant}'?"));
+    let mut all: Vec<&str> = names().collect();
+    all.extend(["x", "y", "z"]);
+    Error::setting("--color", name, format!("no attribute '{name}';{meant} available: {}", all.join(", ")))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::particles::{Columns, Values};
+    use glam::DVec3;
+
+    fn particles(attributes: Vec<Attribute>) -> Particles {
+        let mut columns = Columns::default();
+        columns.positions.extend(&[DVec3::new(7.0, 8.0, 9.0)]);
+        columns.attributes = attributes;
+        Particles::new(columns).unwrap()
+    }
+
+    fn scalar(name: &str, value: f32) -> Attribute {
+        Attribute::new(name, 1, Values::F32(vec![value]))
+    }
+
+    fn value(particles: &Particles, name: &str, component: Option<Component>) -> Option<f64> {
+        Quantity::find(particles, name, component).ok().map(|quantity| quantity.value(0))
+    }
+
+    #[test]
+    fn scalars_named_like_components_are_a_vector() {
+        for names in [["vx", "vy", "vz"], ["v_x", "v_y", "v_z"], ["Vel:0", "Vel:1", "Vel:2"]] {
+            let it = particles(vec![scalar(names[0], -2.0), scalar(names[1], 3.0), scalar(names[2], 6.0)]);
+            assert_eq!(value(&it, "v", None), Some(7.0), "{names:?}");
+            assert_eq!(value(&it, "v", Some(Component::Magnitude)), Some(7.0));
+            assert_eq!(value(&it, "vel", Some(Component::Index(1))), Some(3.0));
+            assert_eq!(value(&it, "v", Some(Component::Index(3))), None);
+            assert_eq!(value(&it, names[0], None), Some(-2.0));
+            assert!(Quantity::find(&it, names[0], None).unwrap().is_component());
+        }
+    }
+
+    #[test]
+    fn an_attribute_with_components_is_a_vector() {
+        let it = particles(vec![
+            Attribute::new("Velocity", 3, Values::F64(vec![-2.0, 3.0, 6.0])),
+            scalar("q", -1.0),
+        ]);
+        assert_eq!(value(&it, "velocity", None), Some(7.0));
+        assert_eq!(value(&it, "vx", None), Some(-2.0));
+        assert_eq!(value(&it, "v", Some(Component::Index(2))), Some(6.0));
+        assert_eq!(value(&it, "q", Some(Component::Magnitude)), Some(1.0));
+        assert_eq!(value(&it, "q", Some(Component::Index(0))), Some(-1.0));
+        assert_eq!(Quantity::find(&it, "vx", None).unwrap().label(), "Velocity.x");
+        assert!(!Quantity::find(&it, "q", None).unwrap().is_component());
+    }
+
+    #[test]
+    fn coordinates_are_quantities_unless_an_attribute_has_the_name() {
+        let it = particles(vec![scalar("z", 0.5)]);
+        assert_eq!(
+            (value(&it, "x", None), value(&it, "Y", None), value(&it, "z", None)),
+            (Some(7.0), Some(8.0), Some(0.5))
+        );
+    }
+
+    #[test]
+    fn an_unknown_name_is_answered_with_the_nearest() {
+        let it = particles(vec![scalar("Densities", 1.0), scalar("Temperatures", 2.0)]);
+        let message = Quantity::find(&it, "temp", None).unwrap_err().to_string();
+        let wanted =
+            "no attribute 'temp'; did you mean 'Temperatures'? available: Densities, Temperatures, x, y, z";
+        assert!(message.ends_with(wanted), "{message}");
+        let message = Quantity::find(&it, "q", None).unwrap_err().to_string();
+        assert!(
+            message.ends_with("no attribute 'q'; available: Densities, Temperatures, x, y, z"),
+            "{message}"
+        );
+    }
+}
