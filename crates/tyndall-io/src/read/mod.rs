@@ -1,6 +1,7 @@
 //! The readers, one file a format, behind one recognition by content.
 
 pub(crate) mod bgeo;
+pub(crate) mod ply;
 pub(crate) mod records;
 
 #[cfg(test)]
@@ -15,4 +16,5 @@ type Reader = (
 
 /// The readers of binary tables.
 #[doc(hidden)]
-pub const BINARY: [Reader; 1] = [("BGEO (classic)", bgeo::recognise, bgeo::read)];
+pub const BINARY: [Reader; 2] =
+    [("BGEO (classic)", bgeo::recognise, bgeo::read), ("PLY", ply::recognise, ply::read)];
