@@ -1,8 +1,8 @@
 //! Houdini's classic BGEO, version 5: what Houdini before 12 and partio write (`.bgeo`, `.bhclassic`).
 //!
 //! Takes the decompressed file, gives its points with their point attributes; primitives, groups and the attributes of vertices,
-//! primitives and the whole are left out, said. All numbers are big-endian, 4 bytes each: a header of counts, the definitions of the point
-//! attributes, then for every point x y z w and its attributes. Source: the file format as partio (Disney, BSD) reads it.
+//! primitives and the whole are left out, said. All numbers are big-endian. A header of counts is followed by the definitions of
+//! the point attributes, then for every point by x y z w and its attributes, 4 bytes each. Source: partio (Disney, BSD), BGEO.cpp.
 
 use std::path::Path;
 
@@ -10,7 +10,8 @@ use rayon::prelude::*;
 use tyndall::particles::{Attribute, Values};
 use tyndall::{Error, Progress, Result};
 
-use super::records::{self, Field, Kind, Layout, Order, Source};
+use super::numbers::{Kind, Order};
+use super::records::{self, Field, Layout, Source};
 use crate::sequence::Frame;
 
 /// Bytes of the header: magic, `V`, version, eight counts.

@@ -1,6 +1,8 @@
 //! The readers, one file a format, behind one recognition by content.
 
 pub(crate) mod bgeo;
+pub(crate) mod npy;
+pub(crate) mod numbers;
 pub(crate) mod ply;
 pub(crate) mod records;
 
@@ -16,5 +18,8 @@ type Reader = (
 
 /// The readers of binary tables.
 #[doc(hidden)]
-pub const BINARY: [Reader; 2] =
-    [("BGEO (classic)", bgeo::recognise, bgeo::read), ("PLY", ply::recognise, ply::read)];
+pub const BINARY: [Reader; 3] = [
+    ("BGEO (classic)", bgeo::recognise, bgeo::read),
+    ("NumPy", npy::recognise, npy::read),
+    ("PLY", ply::recognise, ply::read),
+];

@@ -16,7 +16,8 @@ use tyndall::particles::{Attribute, Columns, Radii, Values};
 use tyndall::{Error, Progress, Result};
 
 use self::header::{Element, Encoding, Header, Property, Shape};
-use super::records::{self, Field, Kind, Layout, Order, Source};
+use super::numbers::{Kind, Order};
+use super::records::{self, Field, Layout, Source};
 use crate::sequence::Frame;
 
 /// What to try with a file that is too short.
@@ -52,7 +53,7 @@ pub(crate) fn read(path: &Path, bytes: &[u8], progress: &dyn Progress) -> Result
             for element in before {
                 rest = skip(path, element, rest, order)?;
             }
-            read_binary(path, element, &roles, rest, order, bytes.len(), progress)?
+            Table { path, element, roles: &roles, order }.read(rest, bytes.len(), progress)?
         }
     };
     records::spell_out_colors(&mut columns.attributes, &mut conventions);
@@ -92,63 +93,80 @@ impl Roles {
     }
 }
 
-/// Reads the vertices from the bytes that begin with them.
-fn read_binary(
-    path: &Path,
-    element: &Element,
-    roles: &Roles,
-    bytes: &[u8],
+/// The vertices of a binary file.
+struct Table<'a> {
+    path: &'a Path,
+    element: &'a Element,
+    roles: &'a Roles,
     order: Order,
-    total_bytes: usize,
-    progress: &dyn Progress,
-) -> Result<Columns> {
-    let count = usize::try_from(element.count).unwrap_or(usize::MAX);
-    let stride: usize = element.scalars().map(Kind::size).sum();
-    if element.is_fixed() {
-        if count.checked_mul(stride).is_none_or(|needed| needed > bytes.len()) {
-            return Err(records::truncated(path, element.count, stride, bytes.len()));
-        }
-        return table(element, roles, bytes, order, count)
-            .gather(path, total_bytes, progress)
-            .map(|it| it.into_columns());
-    }
-    // Lists between the scalars: move the scalars together, then they are a table like any other.
-    let mut scalars = Vec::new();
-    let mut rest = bytes;
-    for id in 0..count {
-        if id % 65536 == 0 && progress.cancelled() {
-            return Err(Error::Interrupted);
-        }
-        for property in &element.properties {
-            let Some((value, behind)) = split_property(property, rest, order) else {
-                return Err(cut_off(path, element, id as u64, bytes.len()));
-            };
-            if matches!(property.shape, Shape::Scalar(_)) {
-                scalars.extend_from_slice(value);
-            }
-            rest = behind;
-        }
-    }
-    table(element, roles, &scalars, order, count)
-        .gather(path, total_bytes, progress)
-        .map(|it| it.into_columns())
 }
 
-/// Where the scalars of the vertices stand, if nothing stands between them.
-fn table<'a>(element: &Element, roles: &Roles, bytes: &'a [u8], order: Order, count: usize) -> Layout<'a> {
-    let stride = element.scalars().map(Kind::size).sum();
-    let source = |place: usize| {
-        let kind = element.properties[place].kind()?;
-        let start = element.properties[..place].iter().filter_map(Property::kind).map(Kind::size).sum();
-        Some(Source { bytes, kind, order, start, stride, step: 0 })
-    };
-    let field = |&place: &usize| {
-        Some(Field { name: element.properties[place].name.clone(), components: 1, source: source(place)? })
-    };
-    Layout {
-        count,
-        axes: roles.axes.map(|place| place.and_then(source)),
-        fields: roles.attributes.iter().filter_map(field).collect(),
+impl Table<'_> {
+    /// Reads them from the bytes that begin with them, and advances `progress` by `total_bytes`.
+    fn read(&self, bytes: &[u8], total_bytes: usize, progress: &dyn Progress) -> Result<Columns> {
+        let Self { path, element, .. } = *self;
+        let count = usize::try_from(element.count).unwrap_or(usize::MAX);
+        let stride = element.scalars().map(Kind::size).sum();
+        let packed;
+        let scalars = if element.is_fixed() {
+            if count.checked_mul(stride).is_none_or(|needed| needed > bytes.len()) {
+                return Err(records::truncated(path, element.count, stride, bytes.len()));
+            }
+            bytes
+        } else {
+            packed = self.without_lists(bytes, progress)?;
+            &packed
+        };
+        let layout = self.layout(scalars, count, stride);
+        Ok(layout.gather(path, total_bytes, progress)?.into_columns())
+    }
+
+    /// The scalars alone, moved together.
+    fn without_lists(&self, bytes: &[u8], progress: &dyn Progress) -> Result<Vec<u8>> {
+        let mut scalars = Vec::new();
+        let mut rest = bytes;
+        for row in 0..self.element.count {
+            if row % 65536 == 0 && progress.cancelled() {
+                return Err(Error::Interrupted);
+            }
+            for property in &self.element.properties {
+                let Some((value, behind)) = split_property(property, rest, self.order) else {
+                    return Err(cut_off(self.path, self.element, row, bytes.len()));
+                };
+                if property.kind().is_some() {
+                    scalars.extend_from_slice(value);
+                }
+                rest = behind;
+            }
+        }
+        Ok(scalars)
+    }
+
+    /// Where the scalars stand, if nothing stands between them.
+    fn layout<'a>(&self, bytes: &'a [u8], count: usize, stride: usize) -> Layout<'a> {
+        let Self { element, roles, order, .. } = *self;
+        let mut start = 0;
+        let sources: Vec<Option<Source>> = element
+            .properties
+            .iter()
+            .map(|property| {
+                let kind = property.kind()?;
+                start += kind.size();
+                Some(Source { bytes, kind, order, start: start - kind.size(), stride, step: 0 })
+            })
+            .collect();
+        let field = |&place: &usize| {
+            Some(Field {
+                name: element.properties[place].name.clone(),
+                components: 1,
+                source: sources[place]?,
+            })
+        };
+        Layout {
+            count,
+            axes: roles.axes.map(|place| place.and_then(|place| sources[place])),
+            fields: roles.attributes.iter().filter_map(field).collect(),
+        }
     }
 }
 

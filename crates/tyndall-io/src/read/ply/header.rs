@@ -6,7 +6,7 @@ use std::path::Path;
 
 use tyndall::{Error, Result};
 
-use crate::read::records::{Kind, Order};
+use crate::read::numbers::{Kind, Order};
 
 /// What the header says.
 pub(super) struct Header {

@@ -265,6 +265,17 @@ fn a_listener_can_stop_the_reading() {
     }
 }
 
+/// Written by NumPy: a structured array of big-endian numbers behind a header.
+#[test]
+fn files_of_others_are_understood() {
+    let frame = read_all(include_bytes!("../../../tests/data/points_be.ply")).unwrap();
+    let particles = frame.particles;
+    assert_eq!((particles.len(), particles.positions().world(4).to_array()), (5, [15.0, 16.5, 18.0]));
+    assert_eq!(particles.attribute("radius").unwrap().values, Values::F32(vec![0.0, 0.5, 1.0, 1.5, 2.0]));
+    assert_eq!(particles.attribute("nx").unwrap().values, Values::F64(vec![-1.0, -0.5, 0.0, 0.5, 1.0]));
+    assert_eq!(particles.attribute("label").unwrap().values, Values::I32(vec![-2, -1, 0, 1, 2]));
+}
+
 #[test]
 fn real_files_are_read_as_plyfile_reads_them() {
     real_data::compare("pointcloud/dem_grains_binary_le.ply", recognise, read);

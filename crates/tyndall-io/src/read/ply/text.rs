@@ -14,7 +14,8 @@ use tyndall::{Error, Progress, Result};
 
 use super::Roles;
 use super::header::{Element, Shape};
-use crate::read::records::{Builder, Kind, ORIGIN_COUNT, Slot};
+use crate::read::numbers::Kind;
+use crate::read::records::{Builder, ORIGIN_COUNT, Slot};
 
 /// Bytes that one thread takes at a time.
 const BLOCK_BYTES: usize = 1 << 20;
