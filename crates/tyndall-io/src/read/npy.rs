@@ -94,7 +94,7 @@ fn assemble(
     mut notes: Notes,
     progress: &dyn Progress,
 ) -> Result<Frame> {
-    let (count, axes) = take_positions(path, &mut quantities, &mut notes.conventions)?;
+    let (count, axes) = take_positions(path, &mut quantities, &mut notes)?;
     let mut radii = None;
     let mut time = None;
     let mut kept = Vec::new();
@@ -102,7 +102,7 @@ fn assemble(
         let name = quantity.name.to_lowercase();
         if quantity.rows == count && !quantity.is_single {
             kept.push(quantity);
-        } else if quantity.is_pair && quantity.components == count && quantity.rows > 0 {
+        } else if quantity.is_table_of(count) {
             notes
                 .conventions
                 .push(format!("'{}' is taken as transposed: ({}, N)", quantity.name, quantity.rows));
@@ -153,8 +153,9 @@ type Axes<'a> = [Option<Source<'a>>; 3];
 fn take_positions<'a>(
     path: &Path,
     quantities: &mut Vec<Quantity<'a>>,
-    conventions: &mut Vec<String>,
+    notes: &mut Notes,
 ) -> Result<(usize, Axes<'a>)> {
+    let conventions = &mut notes.conventions;
     for name in POSITION_NAMES {
         let is_vector = |it: &Quantity| it.vector().is_some() && it.is_named(name);
         if let Some(place) = quantities.iter().position(is_vector) {
@@ -191,7 +192,7 @@ fn take_positions<'a>(
     let place = match (&vectors[..], threes.next(), threes.next()) {
         ([place], ..) | (_, Some(place), None) => *place,
         _ if quantities.len() == 1 && quantities[0].is_table() => 0,
-        _ => return Err(no_positions(path, quantities)),
+        _ => return Err(no_positions(path, quantities, &notes.warnings)),
     };
     let name = &quantities[place].name;
     if !name.is_empty() {
@@ -239,8 +240,9 @@ fn split_vector<'a>(
     (vector.rows, [axis(0), axis(1), axis(2)])
 }
 
-fn no_positions(path: &Path, quantities: &[Quantity]) -> Error {
-    let list: Vec<String> = quantities.iter().take(20).map(Quantity::describe).collect();
+fn no_positions(path: &Path, quantities: &[Quantity], left_out: &[String]) -> Error {
+    let mut list: Vec<String> = quantities.iter().take(20).map(Quantity::describe).collect();
+    list.extend_from_slice(left_out);
     let what = match &list[..] {
         [] => "no array that can be read was found".into(),
         list => format!("an array of positions, of shape (N, 3), was wanted; found: {}", list.join(", ")),

@@ -55,6 +55,11 @@ impl<'a> Quantity<'a> {
         matches!(self.data, Data::Numbers(_)) && self.is_pair && (5..COLUMNS_MAX).contains(&self.components)
     }
 
+    /// Whether it is an array of two axes with numbers of `count` particles in each row.
+    pub(super) fn is_table_of(&self, count: usize) -> bool {
+        matches!(self.data, Data::Numbers(_)) && self.is_pair && self.components == count && self.rows > 0
+    }
+
     /// Its numbers, if it has one a row.
     pub(super) fn scalar(&self) -> Option<Source<'a>> {
         match self.data {
