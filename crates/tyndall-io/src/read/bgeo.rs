@@ -1,0 +1,327 @@
+//! Houdini's classic BGEO, version 5: what Houdini before 12 and partio write (`.bgeo`, `.bhclassic`).
+//!
+//! Takes the decompressed file, gives its points with their point attributes; primitives, groups and the attributes of vertices,
+//! primitives and the whole are left out, said. All numbers are big-endian. A header of counts is followed by the definitions of
+//! the point attributes, then for every point by x y z w and its attributes, 4 bytes each. Source: partio (Disney, BSD), BGEO.cpp.
+
+use std::path::Path;
+
+use rayon::prelude::*;
+use tyndall::particles::{Attribute, Values};
+use tyndall::{Error, Progress, Result};
+
+use super::numbers::{Kind, Order};
+use super::records::{self, Field, Layout, Source};
+use crate::sequence::Frame;
+
+/// Bytes of the header: magic, `V`, version, eight counts.
+const HEADER_BYTES: usize = 4 + 1 + 4 + 8 * 4;
+
+const HINT: &str = "the file is cut off or damaged: write it again, as .bhclassic or .bgeo of version 5";
+
+/// Whether the file begins like a classic BGEO.
+pub(crate) fn recognise(head: &[u8]) -> bool {
+    head.starts_with(b"BgeoV")
+}
+
+/// Reads the points.
+pub(crate) fn read(path: &Path, bytes: &[u8], progress: &dyn Progress) -> Result<Frame> {
+    progress.begin("read", Some(bytes.len() as u64), "B");
+    let mut cursor = Cursor { path, bytes, place: 0 };
+    let header = Header::read(&mut cursor)?;
+    let definitions =
+        (0..header.point_attributes).map(|_| Definition::read(&mut cursor)).collect::<Result<Vec<_>>>()?;
+
+    let values_per_point = 4 + definitions.iter().map(|it| it.components).sum::<usize>();
+    let (points, stride) = (&bytes[cursor.place..], 4 * values_per_point);
+    let needed = (header.points as usize).checked_mul(stride);
+    if needed.is_none_or(|needed| needed > points.len()) {
+        return Err(records::truncated(path, header.points.into(), stride, points.len()));
+    }
+    let source =
+        |kind, start| Source { bytes: points, kind, order: Order::Big, start: 4 * start, stride, step: 4 };
+    let mut start = 4;
+    let mut fields = Vec::new();
+    for definition in &definitions {
+        let (name, components) = (definition.name.clone(), definition.components);
+        if components > 0 {
+            fields.push(Field { name, components, source: source(definition.kind(), start) });
+        }
+        start += components;
+    }
+    let mut conventions = Vec::new();
+    let weights = source(Kind::F32, 3);
+    if (0..header.points as usize).into_par_iter().any(|id| weights.number(id) != 1.0) {
+        conventions.push(
+            "the fourth coordinate is not 1 everywhere: kept as attribute Pw, positions not divided by it"
+                .into(),
+        );
+        fields.push(Field { name: "Pw".into(), components: 1, source: weights });
+    }
+
+    let axes = [0, 1, 2].map(|axis| Some(source(Kind::F32, axis)));
+    let layout = Layout { count: header.points as usize, axes, fields };
+    let mut columns = layout.gather(path, bytes.len(), progress)?.into_columns();
+    let kept = definitions.into_iter().filter(|it| it.components > 0);
+    for (attribute, definition) in columns.attributes.iter_mut().zip(kept) {
+        if let Some(names) = definition.names {
+            spell_out(attribute, names);
+        }
+    }
+    records::frame(columns, conventions, header.left_out())
+}
+
+/// The counts at the beginning of the file that matter here.
+struct Header {
+    points: u32,
+    primitives: u32,
+    point_attributes: u32,
+    other_attributes: u64,
+}
+
+impl Header {
+    fn read(cursor: &mut Cursor) -> Result<Self> {
+        if cursor.bytes.len() < HEADER_BYTES {
+            let what =
+                format!("a header of {HEADER_BYTES} bytes was wanted, {} are there", cursor.bytes.len());
+            return Err(Error::format(cursor.path, "", what, HINT));
+        }
+        cursor.take(5)?;
+        let version = cursor.u32()?;
+        if version != 5 {
+            let what = format!("version 5 was wanted, {version} was found");
+            return Err(Error::format(cursor.path, "byte 5", what, "write the file as .bhclassic"));
+        }
+        let mut counts = [0; 8];
+        for count in &mut counts {
+            *count = cursor.u32()?;
+        }
+        let [points, primitives, _, _, point_attributes, vertex, primitive, detail] = counts;
+        let other_attributes = [vertex, primitive, detail].map(u64::from).iter().sum();
+        Ok(Self { points, primitives, point_attributes, other_attributes })
+    }
+
+    /// What of the file is not shown.
+    fn left_out(&self) -> Vec<String> {
+        if self.primitives == 0 && self.other_attributes == 0 {
+            return vec![];
+        }
+        vec![format!(
+            "left out: {} primitives and {} attributes of vertices, primitives or the whole; only points are particles",
+            self.primitives, self.other_attributes
+        )]
+    }
+}
+
+/// A point attribute: what stands in the file once.
+struct Definition {
+    name: String,
+    components: usize,
+    is_integer: bool,
+    /// The words that the integers count, for an attribute of words.
+    names: Option<Vec<String>>,
+}
+
+impl Definition {
+    fn read(cursor: &mut Cursor) -> Result<Self> {
+        let begin = cursor.place;
+        let name = cursor.string()?;
+        let components = usize::from(cursor.u16()?);
+        let code = cursor.u32()?;
+        let mut names = None;
+        match code {
+            0 | 1 | 5 => {
+                cursor.take(4 * components)?; // The default value, which no point needs.
+            }
+            4 => {
+                let count = cursor.u32()?;
+                names = Some((0..count).map(|_| cursor.string()).collect::<Result<Vec<_>>>()?);
+            }
+            _ => {
+                let what = format!(
+                    "attribute '{name}' has type {code}; float 0, integer 1, index 4, vector 5 are known"
+                );
+                let hint = "delete the attribute, or make it an indexed string, and write the file again";
+                return Err(Error::format(cursor.path, format!("byte {begin}"), what, hint));
+            }
+        }
+        Ok(Self { name, components, is_integer: code == 1 || code == 4, names })
+    }
+
+    fn kind(&self) -> Kind {
+        if self.is_integer { Kind::I32 } else { Kind::F32 }
+    }
+}
+
+/// Makes words of the integers of an attribute. One outside of the table means no word: the empty one.
+fn spell_out(attribute: &mut Attribute, mut names: Vec<String>) {
+    let Values::I32(places) = &attribute.values else { return };
+    let known = names.len();
+    let is_known = |place: &i32| usize::try_from(*place).is_ok_and(|place| place < known);
+    let none = match names.iter().position(String::is_empty) {
+        Some(place) => place as u32,
+        None => known as u32,
+    };
+    let codes: Vec<u32> =
+        places.iter().map(|place| if is_known(place) { *place as u32 } else { none }).collect();
+    if none as usize == known && codes.contains(&none) {
+        names.push(String::new());
+    }
+    attribute.values = Values::Text { codes, names };
+}
+
+/// Reads one thing after the other.
+struct Cursor<'a> {
+    path: &'a Path,
+    bytes: &'a [u8],
+    place: usize,
+}
+
+impl<'a> Cursor<'a> {
+    fn take(&mut self, count: usize) -> Result<&'a [u8]> {
+        let rest = &self.bytes[self.place..];
+        let Some(taken) = rest.get(..count) else {
+            let what =
+                format!("an attribute's definition needs {count} more bytes, {} are there", rest.len());
+            return Err(Error::format(self.path, format!("byte {}", self.place), what, HINT));
+        };
+        self.place += count;
+        Ok(taken)
+    }
+
+    fn u16(&mut self) -> Result<u16> {
+        let bytes = self.take(2)?;
+        Ok(u16::from_be_bytes([bytes[0], bytes[1]]))
+    }
+
+    fn u32(&mut self) -> Result<u32> {
+        let bytes = self.take(4)?;
+        Ok(u32::from_be_bytes([bytes[0], bytes[1], bytes[2], bytes[3]]))
+    }
+
+    fn string(&mut self) -> Result<String> {
+        let length = self.u16()?;
+        Ok(String::from_utf8_lossy(self.take(length.into())?).into_owned())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use tyndall::particles::Radii;
+
+    use super::*;
+    use crate::read::real_data;
+
+    /// Writes a definition; words carry their table, all else zeros as default.
+    fn define(file: &mut Vec<u8>, name: &str, components: u16, code: u32, words: &[&str]) {
+        let string = |file: &mut Vec<u8>, text: &str| {
+            file.extend((text.len() as u16).to_be_bytes());
+            file.extend(text.as_bytes());
+        };
+        string(file, name);
+        file.extend(components.to_be_bytes());
+        file.extend(code.to_be_bytes());
+        if code == 4 {
+            file.extend((words.len() as u32).to_be_bytes());
+            words.iter().for_each(|word| string(file, word));
+        } else {
+            file.extend(vec![0; 4 * usize::from(components)]);
+        }
+    }
+
+    /// A file of `count` points with a radius, a color, a number and a word each.
+    fn sample(count: u32) -> Vec<u8> {
+        let mut file = b"BgeoV".to_vec();
+        for number in [5, count, 0, 0, 0, 4, 0, 0, 0] {
+            file.extend(u32::to_be_bytes(number));
+        }
+        define(&mut file, "pscale", 1, 0, &[]);
+        define(&mut file, "Cd", 3, 5, &[]);
+        define(&mut file, "id", 1, 1, &[]);
+        define(&mut file, "kind", 1, 4, &["water", "air"]);
+        for id in 0..count {
+            let at = id as f32;
+            for value in [at, 2.0 * at, -at, 1.0, 0.5 + at, 0.1, 0.2, 0.3] {
+                file.extend(value.to_be_bytes());
+            }
+            file.extend((7 - id as i32).to_be_bytes());
+            file.extend((id as i32 - 1).to_be_bytes());
+        }
+        file
+    }
+
+    #[test]
+    fn points_keep_their_attributes() {
+        let frame = read(Path::new("test"), &sample(4), &()).unwrap();
+        let particles = &frame.particles;
+        assert_eq!(particles.positions().world(3).to_array(), [3.0, 6.0, -3.0]);
+        assert_eq!(particles.radii(), Some(&Radii::PerParticle { attribute: 0, scale: 1.0 }));
+        let color = particles.attribute("Cd").unwrap();
+        assert_eq!((color.components, color.number(2, 1)), (3, f64::from(0.2f32)));
+        assert_eq!(particles.attribute("id").unwrap().values, Values::I32(vec![7, 6, 5, 4]));
+        let names = ["water", "air", ""].map(String::from).to_vec();
+        assert_eq!(
+            particles.attribute("kind").unwrap().values,
+            Values::Text { codes: vec![2, 0, 1, 2], names }
+        );
+        assert!(frame.conventions.is_empty() && frame.warnings.is_empty());
+    }
+
+    #[test]
+    fn none_and_one_point_are_fine() {
+        assert_eq!(read(Path::new("test"), &sample(0), &()).unwrap().particles.len(), 0);
+        assert_eq!(read(Path::new("test"), &sample(1), &()).unwrap().particles.len(), 1);
+    }
+
+    #[test]
+    fn weights_other_than_one_are_said() {
+        let mut file = sample(2);
+        let weight = file.len() - 7 * 4;
+        file[weight..][..4].copy_from_slice(&2f32.to_be_bytes());
+        let frame = read(Path::new("test"), &file, &()).unwrap();
+        assert_eq!(frame.particles.attribute("Pw").unwrap().values, Values::F32(vec![1.0, 2.0]));
+        assert_eq!(frame.conventions.len(), 1);
+    }
+
+    #[test]
+    fn a_file_cut_anywhere_is_refused() {
+        let file = sample(3);
+        for length in 0..file.len() {
+            assert!(read(Path::new("test"), &file[..length], &()).is_err(), "{length} bytes");
+        }
+        let message = read(Path::new("test"), &file[..file.len() - 1], &()).unwrap_err().to_string();
+        assert!(
+            message.contains("promises 3 particles of 40 bytes, 119 bytes are there: enough for 2"),
+            "{message}"
+        );
+    }
+
+    #[test]
+    fn hostile_counts_are_refused() {
+        for place in (9..HEADER_BYTES).step_by(4) {
+            let mut file = sample(3);
+            file[place..][..4].fill(0xff);
+            let result = read(Path::new("test"), &file, &());
+            assert!(result.is_err() || (13..25).contains(&place) || place >= 29, "count at {place}");
+        }
+    }
+
+    #[test]
+    fn damage_never_panics() {
+        real_data::damage(&sample(3), |file| drop(read(Path::new("test"), file, &())));
+    }
+
+    #[test]
+    fn real_files_are_read_as_partio_reads_them() {
+        for name in [
+            "ParticleData_Fluid_50",
+            "dam_break_frame_23_24389_particles",
+            "hilbert_46843_particles",
+            "partio_base",
+            "partio_scatter",
+            "splish_bunny",
+        ] {
+            real_data::compare(&format!("houdini/{name}.bgeo"), recognise, read);
+        }
+    }
+}

@@ -1,0 +1,128 @@
+//! Helpers of the tests: comparing what was read from real files with what independent libraries read, and damaging files.
+
+use std::io::Read;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::path::Path;
+
+use serde_json::Value;
+use tyndall::particles::{Attribute, Values};
+use tyndall::{Particles, Progress, Result};
+
+use crate::sequence::Frame;
+
+/// Reads the real file `name` and compares it with what is expected; says so and returns if the files are not there.
+pub(crate) fn compare(
+    name: &str,
+    recognise: impl Fn(&[u8]) -> bool,
+    read: impl Fn(&Path, &[u8], &dyn Progress) -> Result<Frame>,
+) {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data");
+    let Ok(json) = std::fs::read_to_string(root.join("expected.json")) else {
+        println!("skipped {name}: no {}", root.display());
+        return;
+    };
+    let json: Value = serde_json::from_str(&json).unwrap();
+    let expected = &json["files"][name]["expected"];
+    let path = root.join(name);
+    let mut bytes = std::fs::read(&path).unwrap();
+    if bytes.starts_with(&[0x1f, 0x8b]) {
+        let mut content = Vec::new();
+        flate2::read::MultiGzDecoder::new(&bytes[..]).read_to_end(&mut content).unwrap();
+        bytes = content;
+    }
+    assert!(recognise(&bytes[..bytes.len().min(4096)]), "{name} is not recognised");
+    let particles = read(&path, &bytes, &()).unwrap().particles;
+    if let Err(difference) = differs(&particles, expected) {
+        panic!("{name}: {difference}");
+    }
+    // A comparison must be seen to fail.
+    let mut altered = expected.clone();
+    altered["bounds"]["max"][1] = Value::from(altered["bounds"]["max"][1].as_f64().unwrap() + 1e-3);
+    assert!(differs(&particles, &altered).is_err(), "{name}: an altered value passes");
+}
+
+fn differs(particles: &Particles, expected: &Value) -> std::result::Result<(), String> {
+    if expected["particles"] != particles.len() {
+        return Err(format!("{} particles instead of {}", particles.len(), expected["particles"]));
+    }
+    let numbers =
+        |value: &Value| -> Vec<f64> { value.as_array().unwrap().iter().flat_map(Value::as_f64).collect() };
+    let (min, max) = (numbers(&expected["bounds"]["min"]), numbers(&expected["bounds"]["max"]));
+    let size = (0..3).map(|axis| max[axis] - min[axis]).fold(0.0, f64::max);
+    let close = |what: &str, found: f64, wanted: f64, scale: f64| {
+        let near = (found - wanted).abs() <= 1e-5 * scale;
+        if near { Ok(()) } else { Err(format!("{what}: {found} instead of {wanted}")) }
+    };
+    let (bounds, origin) = (particles.bounds(), particles.positions().origin());
+    for axis in 0..3 {
+        close("least", origin[axis] + f64::from(bounds.min[axis]), min[axis], size)?;
+        close("greatest", origin[axis] + f64::from(bounds.max[axis]), max[axis], size)?;
+    }
+    for (id, values) in [(0, &expected["first"]), (particles.len() - 1, &expected["last"])] {
+        for (name, value) in values.as_object().unwrap() {
+            let world = particles.positions().world(id).to_array();
+            let axis = ["x", "y", "z"].iter().position(|axis| axis == name);
+            if let Some(axis) = axis {
+                close(name, world[axis], value.as_f64().unwrap(), size)?;
+            } else if name == "position" {
+                for (found, wanted) in world.into_iter().zip(numbers(value)) {
+                    close(name, found, wanted, size)?;
+                }
+            } else {
+                let attribute = particles.attribute(name).ok_or_else(|| format!("no attribute {name}"))?;
+                compare_attribute(attribute, id, value)?;
+            }
+        }
+    }
+    Ok(())
+}
+
+fn compare_attribute(attribute: &Attribute, id: usize, expected: &Value) -> std::result::Result<(), String> {
+    let expected = expected.as_array().cloned().unwrap_or_else(|| vec![expected.clone()]);
+    if expected.len() != attribute.components {
+        return Err(format!("{} has {} components", attribute.name, attribute.components));
+    }
+    for (component, wanted) in expected.iter().enumerate() {
+        let same = match (&attribute.values, wanted.as_f64()) {
+            (Values::Text { codes, names }, _) => *wanted == names[codes[id] as usize].as_str(),
+            (_, Some(wanted)) => (attribute.number(id, component) - wanted).abs() <= 1e-6 * wanted.abs(),
+            _ => false,
+        };
+        if !same {
+            return Err(format!("{} of {id}: {wanted} was wanted", attribute.name));
+        }
+    }
+    Ok(())
+}
+
+/// Calls `read` with a thousand damaged copies of a file, and with all its beginnings; says which one made it panic.
+pub(crate) fn damage(file: &[u8], read: impl Fn(&[u8])) {
+    let attempt = |what: String, file: &[u8]| {
+        if catch_unwind(AssertUnwindSafe(|| read(file))).is_err() {
+            panic!("{what} makes the reader panic");
+        }
+    };
+    for length in 0..file.len() {
+        attempt(format!("a file cut to {length} bytes"), &file[..length]);
+    }
+    for seed in 0..1000u64 {
+        let mut state = seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) | 1;
+        let mut random = |below: usize| {
+            state ^= state << 13;
+            state ^= state >> 7;
+            state ^= state << 17;
+            (state.wrapping_mul(0x2545_f491_4f6c_dd1d) >> 33) as usize % below
+        };
+        let mut damaged = file.to_vec();
+        for _ in 0..1 + random(4) {
+            let place = random(damaged.len());
+            damaged[place] = match random(4) {
+                0 => 0xff,
+                1 => b'9',
+                2 => damaged[place] ^ 1 << random(8),
+                _ => random(256) as u8,
+            };
+        }
+        attempt(format!("seed {seed}"), &damaged);
+    }
+}
