@@ -304,8 +304,8 @@ pub struct Particles {
 }
 
 /// Names that attributes holding a radius have in the files of the known programs, best first, and radius over value.
-const RADIUS_NAMES: [(&str, f32); 5] =
-    [("radius", 1.0), ("pscale", 1.0), ("diameter", 0.5), ("width", 0.5), ("widths", 0.5)];
+const RADIUS_NAMES: [(&str, f32); 6] =
+    [("radius", 1.0), ("R", 1.0), ("pscale", 1.0), ("diameter", 0.5), ("width", 0.5), ("widths", 0.5)];
 
 impl Particles {
     /// Checks the columns and drops, counting, what cannot be drawn.
@@ -426,8 +426,9 @@ impl Particles {
 /// The first attribute that is named like a radius.
 fn radii_by_name(attributes: &[Attribute]) -> Option<Radii> {
     RADIUS_NAMES.iter().find_map(|&(name, scale)| {
-        let attribute =
-            attributes.iter().position(|it| it.components == 1 && it.name.eq_ignore_ascii_case(name))?;
+        // `r` may be red or a distance: a single letter counts only as it is written here.
+        let named = |it: &Attribute| it.name == name || (name.len() > 1 && it.name.eq_ignore_ascii_case(name));
+        let attribute = attributes.iter().position(|it| it.components == 1 && named(it))?;
         Some(Radii::PerParticle { attribute, scale })
     })
 }
