@@ -8,6 +8,7 @@ pub mod film;
 pub mod math;
 pub mod particles;
 pub mod progress;
+pub mod random;
 
 pub use error::{Error, Result};
 pub use film::Image;
