@@ -9,6 +9,7 @@ pub mod math;
 pub mod particles;
 pub mod progress;
 pub mod random;
+pub mod synthetic;
 
 pub use error::{Error, Result};
 pub use film::Image;
