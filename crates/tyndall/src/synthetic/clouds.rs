@@ -136,10 +136,10 @@ struct Smoke {
 }
 
 impl Smoke {
-    /// Wind, lift that fades with time, spreading, and two scales of turbulence.
+    /// Wind, lift that fades as exp(-1.5 time), spreading, and two scales of turbulence.
     #[inline(always)]
-    fn velocity(&self, position: Vec3, time: f32) -> Vec3 {
-        let wind = Vec3::new(5.0 + 6.0 * time, 11.0 * (-1.5 * time).exp(), 0.0);
+    fn velocity(&self, position: Vec3, time: f32, fading: f32) -> Vec3 {
+        let wind = Vec3::new(5.0 + 6.0 * time, 11.0 * fading, 0.0);
         let away = position - Vec3::new(3.0, 5.0, 8.48);
         let spread = away * Vec3::new(0.25, 0.55 * time, 1.2 * time);
         let eddies = 8.0 * (0.35 + time) * self.field.at(position, 14.0);
@@ -153,9 +153,13 @@ impl Law for Smoke {
         inside(Vec3::splat(0.3), SMOKE - 0.3, |_| {
             let age = stream.unit().powf(0.36);
             let mut position = SOURCE + SOURCE_RADIUS * stream.unit().cbrt() * stream.direction();
+            let step_time = age / STEPS as f32;
+            let step_fading = (-1.5 * step_time).exp();
+            let mut fading = step_fading.sqrt();
             for step in 0..STEPS {
-                let time = age * (step as f32 + 0.5) / STEPS as f32;
-                position += self.velocity(position, time) * (age / STEPS as f32);
+                let time = (step as f32 + 0.5) * step_time;
+                position += self.velocity(position, time, fading) * step_time;
+                fading *= step_fading;
             }
             position += (0.15 + 0.35 * age) * stream.normal3();
             let density = (-1.2 * age + 0.15 * stream.normal()).exp();

@@ -30,8 +30,11 @@ const DROPLET_SLOPE: f32 = 0.249_33;
 const MIST_SLOPE: f32 = 0.404_03;
 /// Droplets and mist keep this far from the axis beside the core, mm.
 const CLEAR: f32 = 1.25;
-/// Scale of the Gamma distribution of their distance from the nozzle, of shape 2, mm.
+/// The Gamma distribution of their distance from the nozzle: its scale, mm, and its shapes for droplets and for mist, which
+/// needs longer to form.
 const REACH: f32 = 12.0;
+const DROPLET_SHAPE: u32 = 2;
+const MIST_SHAPE: u32 = 3;
 
 struct Nozzle {
     seed: u64,
@@ -112,9 +115,8 @@ fn cone(slope: f32, z: f32) -> f32 {
     1.0 + slope * z
 }
 
-/// A point in a cone, at a Gamma-distributed distance, beside the core where that is near; `margin` wide around it is free.
-fn place_in_cone(stream: &mut Stream, slope: f32, margin: f32) -> Vec3 {
-    let z = REACH * stream.gamma(2);
+/// A point in a cone at `z`, beside the core where that is near; a ball of radius `margin` about it is free.
+fn place_in_cone(stream: &mut Stream, slope: f32, z: f32, margin: f32) -> Vec3 {
     let inner = if z < CORE + 1.0 + margin { CLEAR + margin } else { 0.0 };
     let outer = cone(slope, z).max(inner);
     let r = (inner * inner + (outer * outer - inner * inner) * stream.unit()).sqrt();
@@ -187,7 +189,8 @@ fn droplets(count: u64, edge: f32, stream: &mut Stream) -> Vec<Droplet> {
     while before < count {
         let size = stream.power_law(DROPLET.start, DROPLET.end, DROPLET_EXPONENT);
         let radius = edge * (size as f32 * 0.75 / PI).cbrt();
-        let center = place_in_cone(stream, DROPLET_SLOPE, radius);
+        let z = radius + REACH * stream.gamma(DROPLET_SHAPE);
+        let center = place_in_cone(stream, DROPLET_SLOPE, z, radius);
         droplets.push(Droplet { center, turn: stream.rotation(), before });
         before += size as u64;
     }
@@ -217,7 +220,8 @@ impl Nozzle {
             let site = self.ball[(place - droplet.before) as usize] + 0.2 * stream.cube();
             droplet.center + self.edge * (droplet.turn * site)
         } else {
-            place_in_cone(stream, MIST_SLOPE, 0.0)
+            let z = REACH * stream.gamma(MIST_SHAPE);
+            place_in_cone(stream, MIST_SLOPE, z, 0.0)
         }
     }
 }
@@ -263,7 +267,7 @@ mod tests {
             assert!(off_axis(id) < cone(MIST_SLOPE, position(id).z) * 1.0001 + CLEAR - 1.0, "mist {id}");
         }
         let z: f64 = (droplets..all).map(|id| f64::from(position(id).z)).sum::<f64>() / 32_000.0;
-        assert!((z - 24.0).abs() < 0.5, "mist is {z} mm away on average");
+        assert!((z - 36.0).abs() < 0.5, "mist is {z} mm away on average");
         let beside = |id: &usize| off_axis(*id) < 0.9 && position(*id).z < 7.9;
         let strangers = (core..all).filter(beside).count();
         assert!(strangers < 2000, "{strangers} other particles are inside the core");

@@ -82,9 +82,11 @@ impl Turbulence {
     #[inline(always)]
     pub(super) fn at(&self, position: Vec3, period: f32) -> Vec3 {
         let place = position * (SIDE as f32 / period);
-        let lower = place.floor();
-        let share = place - lower;
-        let lower = lower.as_ivec3();
+        // Rounding toward zero and one comparison: `floor` is a call on machines without an instruction for it.
+        let rounded = place.as_ivec3();
+        let lower = rounded
+            + glam::IVec3::select(place.cmplt(rounded.as_vec3()), glam::IVec3::NEG_ONE, glam::IVec3::ZERO);
+        let share = place - lower.as_vec3();
         let mask = SIDE as i32 - 1;
         let line =
             |place: i32, step: usize| [(place & mask) as usize * step, ((place + 1) & mask) as usize * step];
