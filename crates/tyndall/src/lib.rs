@@ -8,10 +8,12 @@ pub mod film;
 pub mod math;
 pub mod particles;
 pub mod progress;
+pub mod random;
 pub mod render;
 pub mod scene;
 pub mod srgb;
 pub mod structure;
+pub mod synthetic;
 
 #[cfg(test)]
 mod tests;
