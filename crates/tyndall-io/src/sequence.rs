@@ -67,8 +67,8 @@ struct FileSource {
     index: Index,
     /// What is wrong with the file as a whole.
     warning: Option<String>,
-    /// The unpacked content, if it is small.
-    content: Option<Arc<Vec<u8>>>,
+    /// The unpacked content, if it is small; given up when the only frame is read.
+    content: Mutex<Option<Arc<Vec<u8>>>>,
     /// Where the last frame of a compressed file ended.
     resume: Mutex<Option<Feed<'static>>>,
 }
@@ -163,7 +163,7 @@ fn grouped(count: u64) -> String {
     let digits = count.to_string();
     let mut text = String::new();
     for (place, digit) in digits.chars().enumerate() {
-        if place > 0 && (digits.len() - place) % 3 == 0 {
+        if place > 0 && (digits.len() - place).is_multiple_of(3) {
             text.push(',');
         }
         text.push(digit);
@@ -229,7 +229,7 @@ impl FileSource {
             packing,
             index,
             warning,
-            content,
+            content: Mutex::new(content),
             resume: Mutex::new(None),
         })
     }
@@ -247,8 +247,8 @@ impl FileSource {
                     let units = self.index.units.as_deref();
                     frame(feed, &Request { options, bytes: span.bytes.or(bytes), units }, progress)
                 };
-                if let Some(content) = &self.content {
-                    read_at(&mut Feed::over(&self.path, content), Some(content.len() as u64))?
+                if let Some(content) = self.content() {
+                    read_at(&mut Feed::over(&self.path, &content), Some(content.len() as u64))?
                 } else if self.packing == Packing::Plain {
                     let map = read::map(&self.path)?;
                     read_at(&mut Feed::over(&self.path, &map), Some(map.len() as u64))?
@@ -263,6 +263,12 @@ impl FileSource {
         };
         frame.warnings.extend(self.warning.clone());
         Ok(frame)
+    }
+
+    /// The unpacked content, if it was kept.
+    fn content(&self) -> Option<Arc<Vec<u8>>> {
+        let mut content = self.content.lock().unwrap_or_else(PoisonError::into_inner);
+        if self.index.frames.len() == 1 { content.take() } else { content.clone() }
     }
 
     /// The stream where the last frame left it, if `offset` is not behind that; else from the start.

@@ -1,4 +1,5 @@
 //! Text formats through the front door: own fixtures always, the shared real files where they are.
+#![allow(clippy::unwrap_used, reason = "all of this is tests")]
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -85,6 +86,24 @@ fn a_semicolon_table_with_decimal_commas_is_read() {
     assert_eq!(frame.particles.positions().world(1), DVec3::new(4.5, 5.25, 0.0));
     assert_eq!(frame.particles.attribute("speed").unwrap().unit.as_deref(), Some("m/s"));
     assert_eq!(frame.conventions, ["two-dimensional: z = 0", "decimal commas"]);
+}
+
+#[test]
+fn a_long_table_is_the_same_mapped_and_streamed() {
+    let folder = Folder::new("long");
+    // More than a block of 16 MiB; a column that turns from integers to floats on the way.
+    let row = |k: u64| format!("{k},{}.25,-{k}e-3,{}\n", k % 977, if k == 900_000 { "0.5" } else { "7" });
+    let text: String = std::iter::once("x,y,z,id\n".to_string()).chain((0..1_000_000).map(row)).collect();
+    let plain = frame(&open(&folder.file("a.csv", text.as_bytes())), 0).particles;
+    assert!(text.len() > 17 << 20 && plain.len() == 1_000_000);
+    assert_eq!(plain.attribute("id").unwrap().values.type_name(), "f32");
+    for (name, packed) in [("a.csv.gz", gzip(text.as_bytes())), ("a.csv.zst", zstd(text.as_bytes()))] {
+        let streamed = frame(&open(&folder.file(name, &packed)), 0).particles;
+        assert!(
+            streamed.positions() == plain.positions() && streamed.attributes() == plain.attributes(),
+            "{name}"
+        );
+    }
 }
 
 /// Many frames of changing size; the rows tell the frame.
@@ -207,6 +226,37 @@ fn damaged_and_hostile_files_fail_kindly() {
         let read = Sequence::open(&[path], &Options::default()).and_then(|it| it.frame(0, &()));
         let error = read.err().unwrap_or_else(|| panic!("{name} was read")).to_string();
         assert!(error.contains(name), "{error}");
+    }
+}
+
+#[test]
+fn altered_files_never_panic() {
+    let folder = Folder::new("altered");
+    let texts =
+        ["triclinic_scaled.dump", "odd.xyz", "comma.csv"].map(|name| std::fs::read(fixture(name)).unwrap());
+    let pieces: [&[u8]; 10] =
+        [b"\n", b" ", b"\"", b",", b"-1", b"99999999999999999999", b"nan", b"\0", b"=", b"ITEM: ATOMS"];
+    for seed in 0..600u64 {
+        let mut state = seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) | 1;
+        let mut random = |below: usize| {
+            state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+            (state >> 33) as usize % below
+        };
+        let mut text = texts[seed as usize % 3].clone();
+        for _ in 0..1 + random(3) {
+            let place = random(text.len());
+            match random(3) {
+                0 => text.truncate(place.max(1)),
+                1 => text[place] = random(256) as u8,
+                _ => drop(text.splice(place..place, pieces[random(pieces.len())].iter().copied())),
+            }
+        }
+        let packed = seed % 5 == 0;
+        let path = folder.file("altered", &if packed { gzip(&text) } else { text });
+        if let Ok(sequence) = Sequence::open(&[path], &Options::default()) {
+            println!("seed {seed}: {} frames", sequence.len());
+            (0..sequence.len()).for_each(|k| drop(sequence.frame(k, &())));
+        }
     }
 }
 

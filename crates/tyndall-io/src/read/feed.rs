@@ -11,7 +11,7 @@ use tyndall::{Error, Result};
 
 /// The longest line that is taken for text.
 const LONGEST_LINE: usize = 64 << 20;
-/// How much is looked at together when lines are counted.
+/// How much is looked at together, at most, when lines are counted.
 const WINDOW: usize = 1 << 18;
 /// How much a stream unpacks at once.
 const STREAM_STEP: usize = 1 << 20;
@@ -188,9 +188,11 @@ impl<'a> Feed<'a> {
     pub(crate) fn skip_lines(&mut self, lines: u64) -> Result<u64> {
         let mut skipped = 0;
         while skipped < lines {
-            self.fill(WINDOW + 1)?;
+            // For few lines a narrow window: small frames must not cost a look at much more than themselves.
+            let width = (lines - skipped).saturating_mul(64).clamp(1 << 12, WINDOW as u64) as usize;
+            self.fill(width + 1)?;
             let unread = self.unread();
-            let window = &unread[..WINDOW.min(unread.len())];
+            let window = &unread[..width.min(unread.len())];
             let found = memchr_iter(b'\n', window).count() as u64;
             let whole = memrchr(b'\n', window).map_or(0, |place| place + 1);
             if found >= lines - skipped {
@@ -200,7 +202,7 @@ impl<'a> Feed<'a> {
                 return Ok(lines);
             }
             // The content ends here, perhaps with a line that has no line feed.
-            if unread.len() <= WINDOW {
+            if unread.len() <= width {
                 let ragged = (whole < window.len()).then(|| window[whole..].to_vec());
                 let (length, found) = (window.len(), found + u64::from(ragged.is_some()));
                 self.advance(length, found);

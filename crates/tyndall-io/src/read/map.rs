@@ -16,7 +16,8 @@ pub(crate) fn map(path: &Path) -> Result<Mmap> {
     // mapped cannot be enforced; the system would then end us with SIGBUS, never give us wrong memory. This risk is
     // accepted, as by every program that maps its input.
     let map = unsafe { Mmap::map(&file) }.map_err(|source| Error::io(path, source))?;
-    // Advice only: where the system does not know it, reading works as well.
+    // Advice only: without it reading works as well.
+    #[cfg(unix)]
     let _ = map.advise(memmap2::Advice::Sequential);
     Ok(map)
 }

@@ -85,8 +85,9 @@ pub(crate) fn read(
 
     let path = feed.path().to_path_buf();
     let mut left = count.unwrap_or(u64::MAX);
+    let block_bytes = bytes.map_or(BLOCK, |bytes| bytes.clamp(1 << 12, BLOCK as u64) as usize);
     loop {
-        let parsed = feed.block(BLOCK, left, |block| {
+        let parsed = feed.block(block_bytes, left, |block| {
             let slices = slices(block.bytes);
             let parse = |slice: &&[u8]| {
                 let part =

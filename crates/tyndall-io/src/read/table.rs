@@ -42,6 +42,8 @@ struct Shape {
     fields: usize,
     /// Whether all rows looked at have that many.
     even: bool,
+    /// How many numbers stand in front of the first word of the first row.
+    leading_numbers: usize,
 }
 
 /// Whether a table begins here whose columns need no guess, or one that `path` calls a table.
@@ -58,6 +60,7 @@ pub(crate) fn recognise(head: &[u8], path: &Path) -> bool {
     let named = ["csv", "tsv"].iter().any(|it| extension == *it || stem.eq_ignore_ascii_case(it));
     match &shape.header {
         Some(names) => coordinates(names).is_some() || named,
+        None if shape.leading_numbers < shape.fields.min(3) => false,
         None => (3..=4).contains(&shape.fields) || (named && shape.fields >= 2),
     }
 }
@@ -110,9 +113,13 @@ fn shape(head: &[u8]) -> Option<Shape> {
     let head = head.strip_prefix(b"\xef\xbb\xbf").unwrap_or(head);
     let lines: Vec<&[u8]> =
         whole_lines(head).map(<[u8]>::trim_ascii).filter(|line| !line.is_empty()).take(100).collect();
-    let (comments, body): (Vec<&[u8]>, Vec<&[u8]>) = lines.iter().partition(|line| line[0] == b'#');
+    let (comments, mut body): (Vec<&[u8]>, Vec<&[u8]>) = lines.iter().partition(|line| line[0] == b'#');
     let first = *body.first()?;
-    let separator = separator(first, *body.last()?);
+    // The last line may not be whole: its reader will judge it.
+    if body.len() > 2 && !head.ends_with(b"\n") {
+        body.pop();
+    }
+    let separator = separator(&body);
     let tokens: Vec<&[u8]> = rows::split(first, separator).collect();
     let header_line =
         !tokens.iter().any(|token| is_number(token, separator)) && tokens.iter().any(|it| !it.is_empty());
@@ -134,7 +141,10 @@ fn shape(head: &[u8]) -> Option<Shape> {
         let before_rows = comments.iter().rev().map(|line| line.trim_ascii_start().trim_ascii());
         before_rows.filter_map(|line| comment_names(line, separator, fields)).next()
     };
-    Some(Shape { separator, header, header_line, fields, even })
+    let leading_numbers = rows
+        .first()
+        .map_or(0, |row| rows::split(row, separator).take_while(|it| is_number(it, separator)).count());
+    Some(Shape { separator, header, header_line, fields, even, leading_numbers })
 }
 
 fn text(token: &[u8]) -> String {
@@ -151,14 +161,16 @@ fn comment_names(line: &[u8], separator: Separator, fields: usize) -> Option<Vec
     })
 }
 
-/// The separator, by a first and a last line.
-fn separator(first: &[u8], last: &[u8]) -> Separator {
-    let count = |line: &[u8], byte: u8| memchr::memchr_iter(byte, line).count();
-    // With semicolons a comma is a decimal point; with tabs it may be one too, if every field has at most one.
+/// The separator of lines that are no comments.
+fn separator(lines: &[&[u8]]) -> Separator {
+    let has = |line: &&[u8], byte: u8| memchr::memchr(byte, line).is_some();
     for byte in [b';', b'\t', b','] {
-        if count(first, byte) > 0 && count(last, byte) > 0 {
-            let decimal_comma = byte != b',' && count(last, b',') > 0 && count(last, b'.') == 0;
-            return Separator { byte: Some(byte), decimal_comma };
+        if lines.iter().all(|line| has(line, byte)) {
+            // Between semicolons or tabs a comma is a decimal point, unless there are points too.
+            let numbers = if lines.len() > 1 { &lines[1..] } else { lines };
+            let commas = numbers.iter().any(|line| has(line, b','));
+            let points = numbers.iter().any(|line| has(line, b'.'));
+            return Separator { byte: Some(byte), decimal_comma: byte != b',' && commas && !points };
         }
     }
     Separator::BLANKS
@@ -199,12 +211,8 @@ pub(crate) fn fields(names: &[String], kinds: &[Kind], path: &Path) -> Result<(V
         roles.push(axis.map_or(Role::Attribute(headings.len()), Role::Axis));
         if axis.is_none() {
             let (name, unit) = name_and_unit(heading);
-            headings.push(Heading {
-                name: name.to_string(),
-                components: 1,
-                kind,
-                unit: unit.map(str::to_string),
-            });
+            let name = if name.is_empty() { format!("c{}", column + 1) } else { name.to_string() };
+            headings.push(Heading { name, components: 1, kind, unit: unit.map(str::to_string) });
         }
     }
     Ok((roles, headings))

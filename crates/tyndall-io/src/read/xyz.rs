@@ -12,6 +12,9 @@ use super::rows::{self, Heading, Layout, Role};
 use super::{Index, Request, Span, finish, whole_lines};
 use crate::sequence::Frame;
 
+/// More columns than this are a mistake, or an attack.
+const MOST_COLUMNS: usize = 1 << 16;
+
 /// Whether the file begins like XYZ: a count, a comment, and a row with three numbers at its front or behind a word.
 pub(crate) fn recognise(head: &[u8]) -> bool {
     if !super::is_text(head) {
@@ -141,7 +144,7 @@ fn names((roles, headings): &Fields) -> String {
 fn extended(properties: &str) -> std::result::Result<Fields, String> {
     let (mut roles, mut headings) = (Vec::new(), Vec::<Heading>::new());
     let words: Vec<&str> = properties.split(':').collect();
-    if words.len() % 3 != 0 {
+    if !words.len().is_multiple_of(3) {
         return Err(format!(
             "Properties={} is not made of name:type:count",
             rows::shortened(properties.as_bytes())
@@ -169,6 +172,9 @@ fn extended(properties: &str) -> std::result::Result<Fields, String> {
             roles.extend(std::iter::repeat_n(Role::Attribute(headings.len()), components));
             headings.push(Heading { name: name.to_string(), components, kind, unit: None });
         }
+    }
+    if roles.len() > MOST_COLUMNS {
+        return Err(format!("Properties has {} columns, at most {MOST_COLUMNS} are read", roles.len()));
     }
     if !(0..3).all(|axis| roles.contains(&Role::Axis(axis))) {
         return Err("Properties has no pos:R:3".to_string());
