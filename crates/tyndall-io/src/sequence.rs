@@ -1,8 +1,21 @@
 //! Frames, opened lazily: many files, or many frames in a file.
+//!
+//! Opening recognises each file and finds its frames: mapped text is scanned, compressed text is unpacked once and passed
+//! over. Kept are offsets only, and the unpacked content of a single compressed file where that is small. Reading a frame
+//! maps the file anew; in a compressed file it goes on from where the last frame ended, or unpacks from the start again to
+//! go back, so that a long trajectory is never held as a whole.
 
-use std::path::PathBuf;
+use std::fs::File;
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex, PoisonError};
 
-use tyndall::{Particles, Progress, Result};
+use rayon::prelude::*;
+use tyndall::{Error, Particles, Progress, Result};
+
+use crate::read::{self, Feed, Format, Index, Open, Packing, Request, Span};
+
+/// Unpacked content up to this size is kept.
+const SMALL_BYTES: u64 = 256 << 20;
 
 /// What the caller knows better than the file.
 #[derive(Clone, Debug, Default)]
@@ -13,6 +26,8 @@ pub struct Options {
     pub format: Option<String>,
     /// Whether a truncated file is an error; else its whole frames are read, with a warning.
     pub strict: bool,
+    /// Whether the coordinates of a LAMMPS dump are fractions of its cell, whatever their columns are called.
+    pub scaled: bool,
 }
 
 /// One frame of a sequence.
@@ -22,34 +37,305 @@ pub struct Frame {
     pub particles: Particles,
     /// What was guessed while reading, one line each.
     pub conventions: Vec<String>,
-    /// What the user should know, one line each.
+    /// What the user should know, one line each. What concerns the whole file is said with each of its frames.
     pub warnings: Vec<String>,
 }
 
 /// A list of frames. Only what was asked for is read.
 pub struct Sequence {
     paths: Vec<PathBuf>,
+    sources: Vec<Source>,
+    /// For each source the number of frames before it.
+    first: Vec<usize>,
+    frame_count: usize,
+    options: Options,
+    format: String,
+}
+
+/// Where frames come from.
+enum Source {
+    /// A generator, by its specification.
+    Synthetic(String),
+    /// A file.
+    File(Box<FileSource>),
+}
+
+struct FileSource {
+    path: PathBuf,
+    format: &'static Format,
+    packing: Packing,
+    index: Index,
+    /// What is wrong with the file as a whole.
+    warning: Option<String>,
+    /// The unpacked content, if it is small; given up when the only frame is read.
+    content: Mutex<Option<Arc<Vec<u8>>>>,
+    /// Where the last frame of a compressed file ended.
+    resume: Mutex<Option<Feed<'static>>>,
 }
 
 impl Sequence {
     /// Opens files, in the given order, as one sequence. A path that begins with `synthetic:` names a procedural source.
-    pub fn open(paths: &[PathBuf], _options: &Options) -> Result<Self> {
-        Ok(Self { paths: paths.to_vec() })
+    pub fn open(paths: &[PathBuf], options: &Options) -> Result<Self> {
+        if paths.is_empty() {
+            return Err(Error::setting("input", "", "give at least one file"));
+        }
+        let keep = paths.len() == 1;
+        let sources: Vec<Source> =
+            paths.par_iter().map(|path| Source::open(path, options, keep)).collect::<Result<_>>()?;
+        let mut first = Vec::with_capacity(sources.len());
+        let mut frame_count = 0;
+        for source in &sources {
+            first.push(frame_count);
+            frame_count += source.frame_count();
+        }
+        let format = sources[0].title();
+        Ok(Self { paths: paths.to_vec(), sources, first, frame_count, options: options.clone(), format })
     }
 
     /// How many frames there are.
     #[expect(clippy::len_without_is_empty, reason = "a sequence has a frame, or it does not open")]
     pub fn len(&self) -> usize {
-        self.paths.len()
+        self.frame_count
     }
 
-    /// The format's name, as printed to people.
+    /// The format's name, as printed to people: that of the first file.
     pub fn format(&self) -> &str {
-        ""
+        &self.format
+    }
+
+    /// The files, in order.
+    pub fn paths(&self) -> &[PathBuf] {
+        &self.paths
+    }
+
+    /// A name for frame `frame`: its file's, and its number therein, counted from 0, where there are more.
+    pub fn name(&self, frame: usize) -> String {
+        let (source, within) = self.place(frame);
+        let name = match &self.sources[source] {
+            Source::Synthetic(spec) => return spec.clone(),
+            Source::File(file) => file_name(&file.path),
+        };
+        if self.sources[source].frame_count() > 1 { format!("{name}[{within}]") } else { name }
     }
 
     /// Reads frame `frame`, counted from 0.
-    pub fn frame(&self, _frame: usize, _progress: &dyn Progress) -> Result<Frame> {
-        Err(tyndall::Error::Interrupted)
+    pub fn frame(&self, frame: usize, progress: &dyn Progress) -> Result<Frame> {
+        if frame >= self.frame_count {
+            return Err(Error::setting("frame", frame, format!("0 to {}", self.frame_count - 1)));
+        }
+        let (source, within) = self.place(frame);
+        let mut frame = match &self.sources[source] {
+            Source::Synthetic(spec) => synthetic_frame(spec, progress)?,
+            Source::File(file) => file.frame(within, &self.options, progress)?,
+        };
+        frame.warnings.extend(dropped(&frame.particles));
+        Ok(frame)
+    }
+
+    /// The source of a frame, and the frame's number therein.
+    fn place(&self, frame: usize) -> (usize, usize) {
+        let source = self.first.partition_point(|&first| first <= frame) - 1;
+        (source, frame - self.first[source])
+    }
+}
+
+/// Makes the particles of a procedural source.
+fn synthetic_frame(spec: &str, progress: &dyn Progress) -> Result<Frame> {
+    let particles = tyndall::synthetic::generate(spec, progress)?;
+    Ok(Frame { particles, conventions: Vec::new(), warnings: Vec::new() })
+}
+
+/// The warning about particles that were left out on entry.
+fn dropped(particles: &Particles) -> Option<String> {
+    let dropped = particles.dropped();
+    let all = particles.len() as u64 + dropped.total();
+    let reasons = [(dropped.position, "NaN positions"), (dropped.radius, "radius < 0")];
+    let reasons: Vec<String> = reasons
+        .iter()
+        .filter(|(count, _)| *count > 0)
+        .map(|(count, what)| format!("{} {what}", grouped(*count)))
+        .collect();
+    let counts = format!("dropped {} of {} particles", grouped(dropped.total()), grouped(all));
+    (dropped.total() > 0).then(|| format!("{counts} ({})", reasons.join(", ")))
+}
+
+/// A count with commas between the thousands.
+fn grouped(count: u64) -> String {
+    let digits = count.to_string();
+    let mut text = String::new();
+    for (place, digit) in digits.chars().enumerate() {
+        if place > 0 && (digits.len() - place).is_multiple_of(3) {
+            text.push(',');
+        }
+        text.push(digit);
+    }
+    text
+}
+
+fn file_name(path: &Path) -> String {
+    path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned()
+}
+
+impl Source {
+    fn open(path: &Path, options: &Options, keep: bool) -> Result<Self> {
+        match path.to_str().and_then(|path| path.strip_prefix("synthetic:")) {
+            Some(spec) => Ok(Self::Synthetic(spec.to_string())),
+            None => Ok(Self::File(Box::new(FileSource::open(path, options, keep)?))),
+        }
+    }
+
+    fn frame_count(&self) -> usize {
+        match self {
+            Self::Synthetic(_) => 1,
+            Self::File(file) => file.index.frames.len(),
+        }
+    }
+
+    fn title(&self) -> String {
+        match self {
+            Self::Synthetic(_) => "synthetic".to_string(),
+            Self::File(file) => {
+                let text = matches!(file.format.open, Open::Text { .. }).then_some("text");
+                let notes: Vec<&str> = text.into_iter().chain(file.packing.name()).collect();
+                let title = file.format.title;
+                if notes.is_empty() { title.to_string() } else { format!("{title} ({})", notes.join(", ")) }
+            }
+        }
+    }
+}
+
+impl FileSource {
+    fn open(path: &Path, options: &Options, keep: bool) -> Result<Self> {
+        let (format, packing) = read::recognise(path, options)?;
+        let mut content = None;
+        let index = match &format.open {
+            Open::Whole(_) => {
+                Index { frames: vec![Span { offset: 0, line: 1, bytes: None }], ..Index::default() }
+            }
+            Open::Text { index, .. } if packing == Packing::Plain => {
+                index(&mut Feed::over(path, &read::map(path)?))?
+            }
+            Open::Text { index, .. } => {
+                let mut feed =
+                    if keep { stream(path, packing)?.keeping(SMALL_BYTES) } else { stream(path, packing)? };
+                let index = index(&mut feed)?;
+                content = feed.into_kept().map(Arc::new);
+                index
+            }
+        };
+        let warning = check_whole(path, &index, options)?;
+        Ok(Self {
+            path: path.to_path_buf(),
+            format,
+            packing,
+            index,
+            warning,
+            content: Mutex::new(content),
+            resume: Mutex::new(None),
+        })
+    }
+
+    fn frame(&self, frame: usize, options: &Options, progress: &dyn Progress) -> Result<Frame> {
+        let span = self.index.frames[frame];
+        let mut frame = match &self.format.open {
+            Open::Whole(read) if self.packing == Packing::Plain => {
+                read(&self.path, &read::map(&self.path)?, progress)?
+            }
+            Open::Whole(read) => read(&self.path, &read::unpacked(&self.path, self.packing)?, progress)?,
+            Open::Text { frame, .. } => {
+                let read_at = |feed: &mut Feed, bytes: Option<u64>| {
+                    feed.skip_to(span.offset, span.line)?;
+                    let units = self.index.units.as_deref();
+                    frame(feed, &Request { options, bytes: span.bytes.or(bytes), units }, progress)
+                };
+                if let Some(content) = self.content() {
+                    read_at(&mut Feed::over(&self.path, &content), Some(content.len() as u64))?
+                } else if self.packing == Packing::Plain {
+                    let map = read::map(&self.path)?;
+                    read_at(&mut Feed::over(&self.path, &map), Some(map.len() as u64))?
+                } else {
+                    let mut feed = self.resumed(span.offset)?;
+                    let frame = read_at(&mut feed, None)?;
+                    // Another thread may have left its own place meanwhile; either is as good.
+                    *self.resume.lock().unwrap_or_else(PoisonError::into_inner) = Some(feed);
+                    frame
+                }
+            }
+        };
+        frame.warnings.extend(self.warning.clone());
+        Ok(frame)
+    }
+
+    /// The unpacked content, if it was kept.
+    fn content(&self) -> Option<Arc<Vec<u8>>> {
+        let mut content = self.content.lock().unwrap_or_else(PoisonError::into_inner);
+        if self.index.frames.len() == 1 { content.take() } else { content.clone() }
+    }
+
+    /// The stream where the last frame left it, if `offset` is not behind that; else from the start.
+    fn resumed(&self, offset: u64) -> Result<Feed<'static>> {
+        let last = self.resume.lock().unwrap_or_else(PoisonError::into_inner).take();
+        match last.filter(|feed| feed.offset() <= offset) {
+            Some(feed) => Ok(feed),
+            None => stream(&self.path, self.packing),
+        }
+    }
+}
+
+fn stream(path: &Path, packing: Packing) -> Result<Feed<'static>> {
+    let file = File::open(path).map_err(|source| Error::io(path, source))?;
+    Ok(Feed::from_stream(path, packing.stream(file)))
+}
+
+/// Refuses a file without a whole frame; says what a truncated one lacks.
+fn check_whole(path: &Path, index: &Index, options: &Options) -> Result<Option<String>> {
+    let whole = index.frames.len();
+    if whole == 0 {
+        let what = if index.cut { "the file ends inside its first frame" } else { "the file has no frame" };
+        return Err(Error::format(path, "", what, "was it written and copied to its end?"));
+    }
+    if !index.cut {
+        return Ok(None);
+    }
+    let next = whole + 1;
+    if options.strict {
+        let what = format!("the file ends inside frame {next} of ≥{next}");
+        return Err(Error::format(
+            path,
+            "",
+            what,
+            format!("without --strict its {whole} whole frames are read"),
+        ));
+    }
+    Ok(Some(format!(
+        "{} ends inside frame {next} of ≥{next} — {whole} whole frames read (use --strict to fail)",
+        file_name(path)
+    )))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn thousands_are_grouped() {
+        assert_eq!([0, 999, 1204, 8_000_000].map(grouped), ["0", "999", "1,204", "8,000,000"]);
+    }
+
+    #[test]
+    fn synthetic_sources_are_one_frame() {
+        let sequence = Sequence::open(&["synthetic:nozzle?n=10".into()], &Options::default()).unwrap();
+        assert_eq!(
+            (sequence.len(), sequence.format(), sequence.name(0)),
+            (1, "synthetic", "nozzle?n=10".to_string())
+        );
+        assert!(sequence.frame(1, &()).is_err());
+    }
+
+    #[test]
+    fn no_file_and_a_missing_file_are_errors() {
+        assert!(Sequence::open(&[], &Options::default()).is_err());
+        let missing = Sequence::open(&["no such file.xyz".into()], &Options::default());
+        assert!(matches!(missing.err(), Some(Error::Io { .. })));
     }
 }

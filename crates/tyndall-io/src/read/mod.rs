@@ -1,25 +1,286 @@
 //! The readers, one file a format, behind one recognition by content.
+//!
+//! A file's first bytes, unpacked if it is compressed, decide its format; its name only breaks ties between tables. Text
+//! formats read a [`Feed`] frame by frame; the others take the whole content at once.
 
-pub(crate) mod bgeo;
-pub(crate) mod npy;
-pub(crate) mod numbers;
-pub(crate) mod ply;
-pub(crate) mod records;
+mod bgeo;
+mod column;
+mod feed;
+mod lammps;
+mod map;
+mod npy;
+mod numbers;
+mod ply;
+#[cfg(test)]
+mod real_data;
+mod records;
+mod rows;
+mod table;
+mod unpack;
+mod unreadable;
+mod xyz;
+
+use std::fs::File;
+use std::io::Read;
+use std::path::Path;
+
+use tyndall::{Columns, Error, Particles, Progress, Result};
+
+use crate::sequence::{Frame, Options};
+pub(crate) use feed::Feed;
+pub(crate) use map::map;
+pub(crate) use unpack::Packing;
+
+/// How much of a file decides its format.
+const HEAD: u64 = 64 << 10;
+
+/// A format that can be read.
+pub(crate) struct Format {
+    /// Its name in [`Options::format`], and other words for it.
+    pub(crate) names: &'static [&'static str],
+    /// Its name, as printed to people.
+    pub(crate) title: &'static str,
+    /// Whether a file that begins with `head` has this format. `path` only breaks ties.
+    pub(crate) recognise: fn(head: &[u8], path: &Path) -> bool,
+    /// How it is read.
+    pub(crate) open: Open,
+}
+
+/// How a format is read.
+pub(crate) enum Open {
+    /// The whole content at once, one frame.
+    Whole(fn(path: &Path, bytes: &[u8], progress: &dyn Progress) -> Result<Frame>),
+    /// Text, frame by frame.
+    Text {
+        /// Finds the frames.
+        index: fn(feed: &mut Feed) -> Result<Index>,
+        /// Reads the frame at which `feed` stands.
+        frame: fn(feed: &mut Feed, request: &Request, progress: &dyn Progress) -> Result<Frame>,
+    },
+}
+
+/// The frames of a text file.
+#[derive(Debug, Default)]
+pub(crate) struct Index {
+    /// Where the whole frames are.
+    pub(crate) frames: Vec<Span>,
+    /// Whether one more begins that is not whole.
+    pub(crate) cut: bool,
+    /// What the first frame says for all: the unit system.
+    pub(crate) units: Option<String>,
+}
+
+/// Where a frame is in the unpacked content.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Span {
+    /// Its first byte.
+    pub(crate) offset: u64,
+    /// The number of its first line, counted from 1.
+    pub(crate) line: u64,
+    /// Its size, where it is known.
+    pub(crate) bytes: Option<u64>,
+}
+
+/// What a text format's reader is told besides the text.
+pub(crate) struct Request<'a> {
+    /// What the caller knows better.
+    pub(crate) options: &'a Options,
+    /// The frame's size, where it is known.
+    pub(crate) bytes: Option<u64>,
+    /// [`Index::units`].
+    pub(crate) units: Option<&'a str>,
+}
+
+/// All formats, the surest to recognise first.
+pub(crate) const FORMATS: &[Format] = &[
+    Format {
+        names: &["lammps", "dump", "lammpstrj"],
+        title: "LAMMPS dump",
+        recognise: |head, _| lammps::recognise(head),
+        open: Open::Text { index: lammps::index, frame: lammps::frame },
+    },
+    Format {
+        names: &["xyz", "extxyz"],
+        title: "XYZ",
+        recognise: |head, _| xyz::recognise(head),
+        open: Open::Text { index: xyz::index, frame: xyz::frame },
+    },
+    Format {
+        names: &["ply"],
+        title: "PLY",
+        recognise: |head, _| ply::recognise(head),
+        open: Open::Whole(ply::read),
+    },
+    Format {
+        names: &["npy", "npz", "numpy"],
+        title: "NumPy",
+        recognise: |head, _| npy::recognise(head),
+        open: Open::Whole(npy::read),
+    },
+    Format {
+        names: &["bgeo"],
+        title: "BGEO (classic)",
+        recognise: |head, _| bgeo::recognise(head),
+        open: Open::Whole(bgeo::read),
+    },
+    Format {
+        names: &["csv", "tsv", "table", "txt"],
+        title: "table",
+        recognise: table::recognise,
+        open: Open::Text { index: table::index, frame: table::frame },
+    },
+];
+
+/// The format of `path`, and how the file is compressed.
+pub(crate) fn recognise(path: &Path, options: &Options) -> Result<(&'static Format, Packing)> {
+    let (head, packing) = head(path)?;
+    if head.trim_ascii().is_empty() {
+        let what = if head.is_empty() { "the file is empty" } else { "the file has nothing but blanks" };
+        return Err(Error::format(path, "", what, "was it written to its end?"));
+    }
+    if let Some(name) = &options.format {
+        let known = FORMATS.iter().find(|it| it.names.iter().any(|known| name.eq_ignore_ascii_case(known)));
+        let all: Vec<_> = FORMATS.iter().map(|it| it.names[0]).collect();
+        let format =
+            known.ok_or_else(|| Error::setting("format", name, format!("one of {}", all.join(", "))))?;
+        return Ok((format, packing));
+    }
+    if let Some(format) = FORMATS.iter().find(|it| (it.recognise)(&head, path)) {
+        return Ok((format, packing));
+    }
+    if let Some(error) = unreadable::explain(path, &head) {
+        return Err(error);
+    }
+    if options.columns.is_some() && is_text(&head) {
+        let table = FORMATS.iter().find(|it| it.names[0] == "csv").expect("tables are in the list");
+        return Ok((table, packing));
+    }
+    Err(table::unknown(path, &head))
+}
+
+/// The first bytes of the unpacked content.
+fn head(path: &Path) -> Result<(Vec<u8>, Packing)> {
+    let io = |source| Error::io(path, source);
+    let mut file = File::open(path).map_err(io)?;
+    if !file.metadata().map_err(io)?.is_file() {
+        let hint = "give a regular file; what comes from a pipe has to be stored first";
+        return Err(Error::format(path, "", "this is not a file", hint));
+    }
+    let mut magic = Vec::new();
+    (&mut file).take(4).read_to_end(&mut magic).map_err(io)?;
+    let packing = Packing::of(&magic);
+    let file = File::open(path).map_err(io)?;
+    let mut head = Vec::new();
+    let read = packing.stream(file).take(HEAD).read_to_end(&mut head);
+    match read {
+        // What came before the fault is enough to recognise the format; its reader will say what is wrong.
+        Err(error) if head.is_empty() && packing != Packing::Plain => {
+            let name = packing.name().unwrap_or_default();
+            let what = format!("the {name} data cannot be unpacked: {error}");
+            Err(Error::format(path, "", what, "was the file copied to its end?"))
+        }
+        Err(error) if packing == Packing::Plain => Err(io(error)),
+        _ => Ok((head, packing)),
+    }
+}
+
+/// The whole content of a compressed file.
+pub(crate) fn unpacked(path: &Path, packing: Packing) -> Result<Vec<u8>> {
+    let file = File::open(path).map_err(|source| Error::io(path, source))?;
+    let mut stream = packing.stream(file);
+    let mut bytes = Vec::new();
+    let mut step = 1 << 20;
+    loop {
+        // Grown by what was really there, so that a small file which claims to be huge fails late and kindly.
+        bytes.try_reserve(step).map_err(|_| Error::Memory {
+            what: format!("the unpacked content of {}", path.display()),
+            needed_bytes: (bytes.len() + step) as u64,
+            available_bytes: bytes.len() as u64,
+            hint: "unpack the file on disk: it is then mapped".to_string(),
+        })?;
+        let read = (&mut stream).take(step as u64).read_to_end(&mut bytes);
+        let count = read.map_err(|error| {
+            let what = format!("the compressed data end early or are damaged: {error}");
+            Error::format(path, "", what, "was the file copied to its end?")
+        })?;
+        if count < step {
+            return Ok(bytes);
+        }
+        step = bytes.len();
+    }
+}
+
+/// Checks the columns on entry.
+pub(crate) fn finish(columns: Columns, conventions: Vec<String>, warnings: Vec<String>) -> Result<Frame> {
+    Ok(Frame { particles: Particles::new(columns)?, conventions, warnings })
+}
+
+/// Whether these bytes are text in an encoding that has ASCII in it.
+pub(crate) fn is_text(head: &[u8]) -> bool {
+    let control = |byte: &&u8| **byte < 32 && !matches!(**byte, b'\t' | b'\n' | b'\r' | 0x0c);
+    !head.is_empty() && head.iter().filter(control).count() == 0
+}
+
+/// The lines of `head` that are there in full; all of them if the content is no longer.
+pub(crate) fn whole_lines(head: &[u8]) -> impl Iterator<Item = &[u8]> {
+    let whole = if (head.len() as u64) < HEAD {
+        head.len()
+    } else {
+        memchr::memrchr(b'\n', head).unwrap_or(head.len())
+    };
+    head[..whole].split(|&byte| byte == b'\n').map(|line| line.trim_ascii_end())
+}
 
 #[cfg(test)]
-pub(crate) mod real_data;
+mod tests {
+    use super::*;
+    use std::path::PathBuf;
 
-/// A reader: the format's name, whether content begins like it, and how it is read.
-type Reader = (
-    &'static str,
-    fn(&[u8]) -> bool,
-    fn(&std::path::Path, &[u8], &dyn tyndall::Progress) -> tyndall::Result<crate::Frame>,
-);
+    /// A file that is gone when it is dropped.
+    struct Temporary(PathBuf);
 
-/// The readers of binary tables.
-#[doc(hidden)]
-pub const BINARY: [Reader; 3] = [
-    ("BGEO (classic)", bgeo::recognise, bgeo::read),
-    ("NumPy", npy::recognise, npy::read),
-    ("PLY", ply::recognise, ply::read),
-];
+    impl Temporary {
+        fn new(name: &str, bytes: &[u8]) -> Self {
+            let path = std::env::temp_dir().join(format!("tyndall-read-{}-{name}", std::process::id()));
+            std::fs::write(&path, bytes).unwrap();
+            Self(path)
+        }
+    }
+
+    impl Drop for Temporary {
+        fn drop(&mut self) {
+            std::fs::remove_file(&self.0).unwrap();
+        }
+    }
+
+    fn title(name: &str, bytes: &[u8]) -> std::result::Result<&'static str, String> {
+        let file = Temporary::new(name, bytes);
+        recognise(&file.0, &Options::default()).map(|it| it.0.title).map_err(|error| error.to_string())
+    }
+
+    #[test]
+    fn content_decides_and_not_the_name() {
+        assert_eq!(title("a.png", b"2\ncomment\nO 0 0 0\nH 0 0 1\n"), Ok("XYZ"));
+        assert_eq!(title("b.xyz", b"ITEM: TIMESTEP\n0\n"), Ok("LAMMPS dump"));
+        assert_eq!(title("c.dat", b"x,y,z\n1,2,3\n"), Ok("table"));
+    }
+
+    #[test]
+    fn the_empty_and_the_unknown_say_so() {
+        assert!(title("d.xyz", b"").unwrap_err().starts_with("the file is empty"));
+        assert!(title("e.xyz", b"\n \n").unwrap_err().contains("nothing but blanks"));
+        let garbage: Vec<u8> = (0..999u32).map(|k| (k.wrapping_mul(2654435761) >> 13) as u8).collect();
+        assert!(title("f.dat", &garbage).unwrap_err().contains("cannot tell the format"));
+        let seven = title("foo.dat", b"1 2 3 4 5 6 7\n1 2 3 4 5 6 7\n").unwrap_err();
+        assert!(seven.contains("foo.dat' (text, 7 columns, no header)"), "{seven}");
+        assert!(seven.contains("try: --columns id,type,x,y,z,vx,vy or --format csv"), "{seven}");
+    }
+
+    #[test]
+    fn an_unknown_format_name_lists_the_known_ones() {
+        let file = Temporary::new("g.xyz", b"0\n\n");
+        let options = Options { format: Some("doc".to_string()), ..Options::default() };
+        let error = recognise(&file.0, &options).err().unwrap().to_string();
+        assert!(error.contains("format cannot be 'doc'") && error.contains("xyz"), "{error}");
+    }
+}

@@ -1,0 +1,391 @@
+//! One column of a text table while it is read: it begins narrow and widens when a value needs it.
+//!
+//! Takes tokens, gives [`Values`]. Integers stay integers until a value is none; then they become 32-bit floats, or 64-bit
+//! ones if an integer is too large for 24 bits of mantissa. Columns read in slices are joined by the same rules, so that the
+//! result depends on the content alone.
+
+use std::collections::HashMap;
+
+use tyndall::Values;
+
+/// What a column is before its first value.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Kind {
+    /// Integers, as long as all values are.
+    Integer,
+    /// Floats.
+    Float,
+    /// Truth values: `T`, `F`, `true`, `false`, `1`, `0`.
+    Truth,
+    /// Words.
+    Text,
+}
+
+/// How fields are told apart.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Separator {
+    /// The byte between fields; `None`: any run of blanks.
+    pub(crate) byte: Option<u8>,
+    /// Whether numbers are written `1,5`.
+    pub(crate) decimal_comma: bool,
+}
+
+impl Separator {
+    /// Runs of blanks and tabs.
+    pub(crate) const BLANKS: Self = Self { byte: None, decimal_comma: false };
+
+    #[inline(always)]
+    fn ends(self, byte: u8) -> bool {
+        byte == b' ' || byte == b'\t' || Some(byte) == self.byte
+    }
+
+    /// Whether `byte` is a blank that means nothing.
+    #[inline(always)]
+    pub(crate) fn is_blank(self, byte: u8) -> bool {
+        byte == b' ' || (byte == b'\t' && self.byte != Some(b'\t'))
+    }
+
+    /// The field at the front of `rest`, without quotes, and how many bytes it takes.
+    pub(crate) fn token(self, rest: &[u8]) -> (&[u8], usize) {
+        let Some(byte) = self.byte else {
+            let end = rest.iter().position(|&it| self.ends(it)).unwrap_or(rest.len());
+            return (&rest[..end], end);
+        };
+        if let Some(inside) = rest.strip_prefix(b"\"")
+            && let Some(end) = closing_quote(inside)
+        {
+            return (inside[..end].trim_ascii(), end + 2);
+        }
+        let end = memchr::memchr(byte, rest).unwrap_or(rest.len());
+        (rest[..end].trim_ascii_end(), end)
+    }
+}
+
+/// Where the quote ends that began before `inside`; a doubled quote does not end it.
+fn closing_quote(inside: &[u8]) -> Option<usize> {
+    let mut at = 0;
+    loop {
+        at += memchr::memchr(b'"', &inside[at..])?;
+        if inside.get(at + 1) != Some(&b'"') {
+            return Some(at);
+        }
+        at += 2;
+    }
+}
+
+/// The number at the front of `rest` and how many bytes it takes; `None` if it is none. A missing value is NaN.
+#[inline]
+pub(crate) fn number(rest: &[u8], separator: Separator) -> Option<(f64, usize)> {
+    if let Ok((value, taken)) = fast_float2::parse_partial::<f64, _>(rest)
+        && rest.get(taken).is_none_or(|&byte| separator.ends(byte))
+    {
+        return Some((value, taken));
+    }
+    unusual_number(rest, separator)
+}
+
+/// Numbers as Fortran, Windows and spreadsheets write them.
+#[cold]
+fn unusual_number(rest: &[u8], separator: Separator) -> Option<(f64, usize)> {
+    let (token, taken) = separator.token(rest);
+    let plain = token.strip_prefix(b"-").unwrap_or(token).to_ascii_lowercase();
+    let missing: [&[u8]; 5] = [b"", b"na", b"n/a", b"null", b"none"];
+    let not_a_number: [&[u8]; 4] = [b"nan(", b"1.#qnan", b"1.#ind", b"1.#snan"];
+    if (missing.contains(&&plain[..]) && separator.byte.is_some())
+        || not_a_number.iter().any(|it| plain.starts_with(it))
+        || (!plain.is_empty() && plain.iter().all(|&it| it == b'*'))
+    {
+        return Some((f64::NAN, taken));
+    }
+    if plain.starts_with(b"1.#inf") {
+        return Some((if token[0] == b'-' { f64::NEG_INFINITY } else { f64::INFINITY }, taken));
+    }
+    let spelled: Vec<u8> = token.iter().map(|&byte| spell(byte, separator)).collect();
+    Some((fast_float2::parse(&spelled).ok()?, taken))
+}
+
+fn spell(byte: u8, separator: Separator) -> u8 {
+    match byte {
+        b'd' | b'D' => b'e',
+        b',' if separator.decimal_comma => b'.',
+        other => other,
+    }
+}
+
+/// The integer at the front of `rest` and how many bytes it takes; `None` if it is none or needs more than 64 bits.
+#[inline]
+fn integer(rest: &[u8], separator: Separator) -> Option<(i64, usize)> {
+    let signed = usize::from(matches!(rest.first(), Some(b'-' | b'+')));
+    let digits = rest[signed..].iter().take_while(|it| it.is_ascii_digit()).count();
+    let end = signed + digits;
+    if digits == 0 || rest.get(end).is_some_and(|&byte| !separator.ends(byte)) {
+        return None;
+    }
+    if digits > 18 {
+        let value = std::str::from_utf8(&rest[..end]).ok()?.parse().ok()?;
+        return Some((value, end));
+    }
+    let value = rest[signed..end].iter().fold(0, |value: i64, digit| 10 * value + i64::from(digit - b'0'));
+    Some((if rest[0] == b'-' { -value } else { value }, end))
+}
+
+/// A column that grows.
+#[derive(Debug)]
+pub(crate) enum Column {
+    Int(Vec<i32>),
+    Long(Vec<i64>),
+    Float(Vec<f32>),
+    Double(Vec<f64>),
+    Truth(Vec<u8>),
+    Text(Words),
+}
+
+impl Column {
+    /// An empty column with room for `count` values.
+    pub(crate) fn new(kind: Kind, count: usize) -> Self {
+        match kind {
+            Kind::Integer => Self::Int(Vec::with_capacity(count)),
+            Kind::Float => Self::Float(Vec::with_capacity(count)),
+            Kind::Truth => Self::Truth(Vec::with_capacity(count)),
+            Kind::Text => Self::Text(Words { codes: Vec::with_capacity(count), ..Words::default() }),
+        }
+    }
+
+    /// Appends the field at the front of `rest`; says how many bytes it takes, `None` if it does not fit the column.
+    #[inline]
+    pub(crate) fn push(&mut self, rest: &[u8], separator: Separator) -> Option<usize> {
+        match self {
+            Self::Float(column) => {
+                if let Ok((value, taken)) = fast_float2::parse_partial::<f32, _>(rest)
+                    && rest.get(taken).is_none_or(|&byte| separator.ends(byte))
+                {
+                    column.push(value);
+                    return Some(taken);
+                }
+                let (value, taken) = unusual_number(rest, separator)?;
+                column.push(value as f32);
+                return Some(taken);
+            }
+            Self::Int(column) => {
+                if let Some((value, taken)) = integer(rest, separator)
+                    && let Ok(value) = i32::try_from(value)
+                {
+                    column.push(value);
+                    return Some(taken);
+                }
+            }
+            Self::Long(column) => {
+                if let Some((value, taken)) = integer(rest, separator) {
+                    column.push(value);
+                    return Some(taken);
+                }
+            }
+            Self::Double(column) => {
+                let (value, taken) = number(rest, separator)?;
+                column.push(value);
+                return Some(taken);
+            }
+            Self::Truth(column) => {
+                let (token, taken) = separator.token(rest);
+                column.push(truth(token)?);
+                return Some(taken);
+            }
+            Self::Text(words) => {
+                let (token, taken) = separator.token(rest);
+                words.push(token);
+                return Some(taken);
+            }
+        }
+        self.widen(rest, separator)
+    }
+
+    /// Makes room for the number at the front of `rest`, which is no 32-bit (or no) integer, and appends it.
+    #[cold]
+    fn widen(&mut self, rest: &[u8], separator: Separator) -> Option<usize> {
+        let (token, token_end) = separator.token(rest);
+        let other = if let Some((value, _)) = integer(token, separator) {
+            let narrow = i32::try_from(value).map(|value| Self::Int(vec![value]));
+            (narrow.unwrap_or(Self::Long(vec![value])), token_end)
+        } else {
+            let (value, taken) = number(rest, separator)?;
+            // An integer that needs more than 64 bits is more than 32 bits can tell.
+            let large = value.is_finite() && value.abs() >= i64::MAX as f64;
+            (if large { Self::Double(vec![value]) } else { Self::Float(vec![value as f32]) }, taken)
+        };
+        self.append(other.0);
+        Some(other.1)
+    }
+
+    /// Appends a column that was read by itself.
+    pub(crate) fn append(&mut self, other: Self) {
+        use Column::{Double, Float, Int, Long, Text, Truth};
+        match (&mut *self, other) {
+            (Int(to), Int(from)) => to.extend_from_slice(&from),
+            (Long(to), Long(from)) => to.extend_from_slice(&from),
+            (Float(to), Float(from)) => to.extend_from_slice(&from),
+            (Double(to), Double(from)) => to.extend_from_slice(&from),
+            (Truth(to), Truth(from)) => to.extend_from_slice(&from),
+            (Text(to), Text(from)) => to.append(&from),
+            (Long(to), Int(from)) => to.extend(from.into_iter().map(i64::from)),
+            (Int(to), Long(from)) => {
+                let mut wide: Vec<i64> = to.iter().map(|&value| value.into()).collect();
+                wide.extend(from);
+                *self = Long(wide);
+            }
+            (_, other) => {
+                let (fits, other_fits) = (self.fits_float(), other.fits_float());
+                let (mut wide, more) = (self.take_doubles(), { other }.take_doubles());
+                *self = if fits && other_fits {
+                    // Both come from values of at most 32 bits: nothing is lost on the way back.
+                    Float(wide.iter().chain(&more).map(|&value| value as f32).collect())
+                } else {
+                    wide.extend(more);
+                    Double(wide)
+                };
+            }
+        }
+    }
+
+    /// Whether 32-bit floats hold all values of this column.
+    fn fits_float(&self) -> bool {
+        match self {
+            Self::Int(column) => column.iter().all(|value| value.unsigned_abs() <= 1 << 24),
+            Self::Long(column) => column.iter().all(|value| value.unsigned_abs() <= 1 << 24),
+            Self::Double(_) => false,
+            Self::Float(_) | Self::Truth(_) | Self::Text(_) => true,
+        }
+    }
+
+    fn take_doubles(&mut self) -> Vec<f64> {
+        match self {
+            Self::Int(column) => column.iter().map(|&value| value.into()).collect(),
+            Self::Long(column) => column.iter().map(|&value| value as f64).collect(),
+            Self::Float(column) => column.iter().map(|&value| value.into()).collect(),
+            Self::Double(column) => std::mem::take(column),
+            Self::Truth(column) => column.iter().map(|&value| value.into()).collect(),
+            Self::Text(words) => words.codes.iter().map(|&value| value.into()).collect(),
+        }
+    }
+
+    /// The finished column.
+    pub(crate) fn into_values(self) -> Values {
+        match self {
+            Self::Int(column) => Values::I32(column),
+            Self::Long(column) => Values::I64(column),
+            Self::Float(column) => Values::F32(column),
+            Self::Double(column) => Values::F64(column),
+            Self::Truth(column) => Values::U8(column),
+            Self::Text(words) => Values::Text { codes: words.codes, names: words.names },
+        }
+    }
+}
+
+fn truth(token: &[u8]) -> Option<u8> {
+    let is = |words: [&[u8]; 3]| words.iter().any(|word| token.eq_ignore_ascii_case(word));
+    match token {
+        _ if is([b"T", b"true", b"1"]) => Some(1),
+        _ if is([b"F", b"false", b"0"]) => Some(0),
+        _ => None,
+    }
+}
+
+/// Words by code, in order of first appearance.
+#[derive(Debug, Default)]
+pub(crate) struct Words {
+    codes: Vec<u32>,
+    names: Vec<String>,
+    known: HashMap<Vec<u8>, u32>,
+}
+
+impl Words {
+    #[inline]
+    fn push(&mut self, token: &[u8]) {
+        // Neighbors are often alike: look at the last word first.
+        let last = self.codes.last().copied().filter(|&code| self.names[code as usize].as_bytes() == token);
+        let code = last.unwrap_or_else(|| self.code(token));
+        self.codes.push(code);
+    }
+
+    fn code(&mut self, token: &[u8]) -> u32 {
+        if let Some(&code) = self.known.get(token) {
+            return code;
+        }
+        let code = self.names.len() as u32;
+        self.names.push(String::from_utf8_lossy(token).replace("\"\"", "\""));
+        self.known.insert(token.to_vec(), code);
+        code
+    }
+
+    fn append(&mut self, other: &Self) {
+        let codes: Vec<u32> = other.names.iter().map(|name| self.code(name.as_bytes())).collect();
+        self.codes.extend(other.codes.iter().map(|&code| codes[code as usize]));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const COMMA: Separator = Separator { byte: Some(b','), decimal_comma: false };
+
+    fn read(kind: Kind, tokens: &[&str]) -> Values {
+        let mut column = Column::new(kind, 0);
+        for token in tokens {
+            assert_eq!(column.push(token.as_bytes(), COMMA), Some(token.len()), "{token}");
+        }
+        column.into_values()
+    }
+
+    #[test]
+    fn integers_widen_only_when_a_value_needs_it() {
+        assert_eq!(read(Kind::Integer, &["1", "-2", "+3"]), Values::I32(vec![1, -2, 3]));
+        assert_eq!(read(Kind::Integer, &["1", "3000000000"]), Values::I64(vec![1, 3_000_000_000]));
+        assert_eq!(read(Kind::Integer, &["1", "2.5"]), Values::F32(vec![1.0, 2.5]));
+        assert_eq!(read(Kind::Integer, &["16777217", "2.5"]), Values::F64(vec![16_777_217.0, 2.5]));
+        assert_eq!(read(Kind::Integer, &["3000000000", "2.5"]), Values::F64(vec![3e9, 2.5]));
+        assert_eq!(read(Kind::Integer, &["1", "99999999999999999999"]), Values::F64(vec![1.0, 1e20]));
+    }
+
+    #[test]
+    fn slices_join_as_if_read_at_once() {
+        let tokens = ["1", "16777217", "3000000000", "2.5", "7"];
+        let whole = read(Kind::Integer, &tokens);
+        let mut joined = Column::new(Kind::Integer, 0);
+        for token in tokens {
+            let mut part = Column::new(Kind::Integer, 0);
+            part.push(token.as_bytes(), COMMA).unwrap();
+            joined.append(part);
+        }
+        assert_eq!(joined.into_values(), whole);
+    }
+
+    #[test]
+    fn unusual_numbers_are_understood() {
+        let value = |text: &str, separator| number(text.as_bytes(), separator);
+        assert_eq!(value("1.5D+02 x", Separator::BLANKS), Some((150.0, 7)));
+        let semicolon = Separator { byte: Some(b';'), decimal_comma: true };
+        assert_eq!(value("1,25;3", semicolon), Some((1.25, 4)));
+        assert_eq!(value("\"1.5\",2", COMMA), Some((1.5, 5)));
+        for text in ["nan", "-nan(ind)", "NaN", "-1.#IND", "*****"] {
+            assert!(value(text, Separator::BLANKS).unwrap().0.is_nan(), "{text}");
+        }
+        assert!(value(",2", COMMA).unwrap().0.is_nan());
+        assert_eq!(value("abc", COMMA), None);
+        assert_eq!(value("1.2.3", Separator::BLANKS), None);
+    }
+
+    #[test]
+    fn words_are_counted_once_across_slices() {
+        let mut column = Column::new(Kind::Text, 0);
+        let mut more = Column::new(Kind::Text, 0);
+        for token in ["O", "H", "H"] {
+            column.push(token.as_bytes(), COMMA).unwrap();
+        }
+        for token in ["\"H\"", "C,", "O"] {
+            more.push(token.as_bytes(), COMMA).unwrap();
+        }
+        column.append(more);
+        let names = ["O", "H", "C"].map(str::to_string).to_vec();
+        assert_eq!(column.into_values(), Values::Text { codes: vec![0, 1, 1, 1, 2, 0], names });
+    }
+}

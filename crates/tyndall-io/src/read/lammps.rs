@@ -1,0 +1,422 @@
+//! LAMMPS text dumps: `ITEM:` headers and a row for every atom, frame after frame.
+//!
+//! Coordinates are the first complete set of `x y z`, `xu yu zu`, `xs ys zs`, `xsu ysu zsu`; scaled ones go through the cell.
+//! All other columns are attributes under their own names. Image flags are not applied, ids are not sorted.
+//! Source: LAMMPS documentation of `dump`, and "Triclinic (non-orthogonal) simulation boxes" for the cell.
+
+use tyndall::{Cell, Columns, DVec3, Error, Particles, Progress, Result};
+
+use super::column::{Kind, Separator};
+use super::feed::Feed;
+use super::rows::{self, Heading, Layout, Role};
+use super::{Index, Request, Span, finish};
+use crate::sequence::Frame;
+
+/// The sets of coordinates, best first, and whether they are fractions of the cell.
+const COORDINATES: [([&str; 3], bool); 4] = [
+    (["x", "y", "z"], false),
+    (["xu", "yu", "zu"], false),
+    (["xs", "ys", "zs"], true),
+    (["xsu", "ysu", "zsu"], true),
+];
+/// Columns that are words in every dump.
+const WORDS: [&str; 2] = ["element", "typelabel"];
+/// Columns that are measured, even where a frame has only whole numbers.
+const MEASURED: [&str; 22] = [
+    "x", "y", "z", "xu", "yu", "zu", "vx", "vy", "vz", "fx", "fy", "fz", "q", "mass", "radius", "diameter",
+    "omegax", "omegay", "omegaz", "mux", "muy", "muz",
+];
+
+/// Whether the file begins like a dump.
+pub(crate) fn recognise(head: &[u8]) -> bool {
+    head.trim_ascii_start().starts_with(b"ITEM:")
+}
+
+/// What stands before the rows.
+#[derive(Debug, Default)]
+struct Header {
+    units: Option<String>,
+    time: Option<f64>,
+    step: Option<f64>,
+    count: Option<u64>,
+    cell: Option<Cell>,
+    /// Whether the header says along which edges the cell repeats.
+    periodicity: bool,
+    columns: Vec<String>,
+}
+
+/// Reads a header up to the line that names the columns; `None` if the content ends before that.
+fn header(feed: &mut Feed) -> Result<Option<Header>> {
+    let mut header = Header::default();
+    loop {
+        let Some(line) = feed.line()? else { return Ok(None) };
+        let line = line.trim();
+        if line.is_empty() {
+            continue;
+        }
+        let Some(item) = line.strip_prefix("ITEM:").map(str::trim) else {
+            if feed.at_end()? && feed.cut() {
+                return Ok(None);
+            }
+            let what = format!(
+                "wanted a line that begins with 'ITEM:', found '{}'",
+                rows::shortened(line.as_bytes())
+            );
+            return Err(feed.fault(what, "does NUMBER OF ATOMS match the lines of the frame before?"));
+        };
+        if let Some(columns) = item.strip_prefix("ATOMS").or(item.strip_prefix("ENTRIES")) {
+            header.columns = columns.split_whitespace().map(str::to_string).collect();
+            return Ok(Some(header));
+        }
+        if let Some(style) = item.strip_prefix("BOX BOUNDS") {
+            let mut lines = Vec::new();
+            for _ in 0..3 {
+                let Some(line) = feed.line()? else { return Ok(None) };
+                lines.push(line);
+            }
+            header.periodicity = style.split_whitespace().any(is_boundary);
+            header.cell = Some(cell(style, &lines).map_err(|what| {
+                feed.fault(what, "write 'lo hi', and a tilt factor where the box is triclinic")
+            })?);
+            continue;
+        }
+        let Some(value) = feed.line()? else { return Ok(None) };
+        let value = value.trim();
+        let wrong = |what: &str| {
+            feed.fault(
+                format!("wanted {what}, found '{}'", rows::shortened(value.as_bytes())),
+                "is the header whole?",
+            )
+        };
+        match item {
+            "TIMESTEP" => header.step = Some(value.parse().map_err(|_| wrong("a time step"))?),
+            "TIME" => header.time = Some(value.parse().map_err(|_| wrong("a time"))?),
+            "UNITS" => header.units = Some(value.to_string()),
+            "NUMBER OF ATOMS" | "NUMBER OF ENTRIES" => {
+                header.count = Some(value.parse().map_err(|_| wrong("a number of atoms"))?);
+            }
+            // Headers of later versions, one line each.
+            _ => {}
+        }
+    }
+}
+
+/// Whether a word of the box's header is a pair of boundary styles, such as `pp` or `fs`.
+fn is_boundary(word: &str) -> bool {
+    word.len() == 2 && word.bytes().all(|it| b"pfsm".contains(&it))
+}
+
+/// The cell of `ITEM: BOX BOUNDS`.
+fn cell(style: &str, lines: &[String]) -> std::result::Result<Cell, String> {
+    let general = style.contains("abc origin");
+    let mut values = [[0.0; 4]; 3];
+    for (axis, line) in lines.iter().enumerate() {
+        let words: Vec<&str> = line.split_whitespace().collect();
+        let enough = if general { words.len() == 4 } else { (2..=3).contains(&words.len()) };
+        for (value, word) in values[axis].iter_mut().zip(&words) {
+            *value = fast_float2::parse(word).unwrap_or(f64::NAN);
+        }
+        if !enough || !values[axis].iter().all(|it| it.is_finite()) {
+            return Err(format!(
+                "wanted the bounds of the box along {}, found '{}'",
+                ["x", "y", "z"][axis],
+                rows::shortened(line.as_bytes())
+            ));
+        }
+    }
+    let mut periodic = [false; 3];
+    for (flag, word) in periodic.iter_mut().zip(style.split_whitespace().filter(|it| is_boundary(it))) {
+        *flag = word.starts_with('p');
+    }
+    if general {
+        let vectors = values.map(|it| DVec3::new(it[0], it[1], it[2]));
+        return Ok(Cell { origin: DVec3::new(values[0][3], values[1][3], values[2][3]), vectors, periodic });
+    }
+    // The file has the bounding box of the tilted cell: take off how far the tilts reach beyond the cell's own bounds.
+    let [xy, xz, yz] = values.map(|it| it[2]);
+    let reach = [[0.0, xy, xz, xy + xz], [0.0, yz, 0.0, yz], [0.0; 4]];
+    let low: [f64; 3] =
+        std::array::from_fn(|axis| values[axis][0] - reach[axis].into_iter().fold(0.0, f64::min));
+    let high: [f64; 3] =
+        std::array::from_fn(|axis| values[axis][1] - reach[axis].into_iter().fold(0.0, f64::max));
+    let vectors = [
+        DVec3::new(high[0] - low[0], 0.0, 0.0),
+        DVec3::new(xy, high[1] - low[1], 0.0),
+        DVec3::new(xz, yz, high[2] - low[2]),
+    ];
+    Ok(Cell { origin: DVec3::from_array(low), vectors, periodic })
+}
+
+/// Finds the frames by their headers and counts.
+pub(crate) fn index(feed: &mut Feed) -> Result<Index> {
+    let mut index = Index::default();
+    loop {
+        let (offset, line) = (feed.offset(), feed.line_number());
+        if feed.peek(1 << 10)?.trim_ascii().is_empty() {
+            break;
+        }
+        let Some(header) = header(feed)? else {
+            index.cut = true;
+            break;
+        };
+        let Some(count) = header.count else {
+            return Err(feed.fault("the header has no ITEM: NUMBER OF ATOMS", "is the header whole?"));
+        };
+        let found = feed.skip_lines(count)?;
+        let fields = |row: &[u8]| rows::split(row, Separator::BLANKS).count();
+        let short =
+            feed.ragged().is_some_and(|row| count > 0 && (feed.cut() || fields(row) < header.columns.len()));
+        if found < count || short {
+            index.cut = true;
+            break;
+        }
+        index.units = index.units.or(header.units);
+        index.frames.push(Span { offset, line, bytes: Some(feed.offset() - offset) });
+    }
+    index.cut |= feed.cut();
+    Ok(index)
+}
+
+/// Reads a frame.
+pub(crate) fn frame(feed: &mut Feed, request: &Request, progress: &dyn Progress) -> Result<Frame> {
+    let whole = |header: Option<Header>| header.filter(|it| it.count.is_some());
+    let header =
+        whole(header(feed)?).ok_or_else(|| feed.fault("the header is not whole", "was the file changed?"))?;
+    let names = request.options.columns.as_ref().unwrap_or(&header.columns);
+    let (axes, scaled) = coordinates(feed, names, &header)?;
+    let scaled = scaled || request.options.scaled;
+    if scaled && header.cell.is_none() {
+        return Err(
+            feed.fault("scaled coordinates need ITEM: BOX BOUNDS, and there is none", "dump x y z instead")
+        );
+    }
+
+    let sample = feed.peek(1 << 14)?;
+    let kinds = rows::kinds(own_rows(sample), Separator::BLANKS, names.len());
+    let (mut roles, mut headings) = (Vec::new(), Vec::new());
+    for (column, name) in names.iter().enumerate() {
+        if let Some(axis) = axes.iter().position(|&it| it == column) {
+            roles.push(Role::Axis(axis));
+            continue;
+        }
+        let kind = match kinds[column] {
+            _ if WORDS.contains(&name.as_str()) => Kind::Text,
+            Kind::Integer if MEASURED.contains(&name.as_str()) => Kind::Float,
+            kind => kind,
+        };
+        roles.push(Role::Attribute(headings.len()));
+        headings.push(Heading::scalar(name, kind));
+    }
+    let cell = header.cell;
+    let layout = Layout {
+        separator: Separator::BLANKS,
+        roles,
+        headings,
+        scaled: cell.filter(|_| scaled),
+        gaps: false,
+        origin: cell.map(|cell| cell.center()).filter(|center| center.is_finite()),
+    };
+    let rows = rows::read(feed, &layout, header.count, request.bytes, progress)?;
+    let columns = Columns {
+        positions: rows.positions,
+        attributes: rows.attributes,
+        radii: None,
+        cell,
+        time: header.time.or(header.step),
+        length_unit: header.units.as_deref().or(request.units).and_then(length_unit).map(str::to_string),
+    };
+    let mut frame = finish(columns, conventions(names, axes, &header, scaled), Vec::new())?;
+    if !scaled && looks_scaled(&frame.particles) {
+        let names = axes.map(|axis| names[axis].as_str()).join(" ");
+        frame.warnings.push(format!(
+            "coordinates look scaled (0..1) but the columns are '{names}' — reading as real; use --coords scaled to change"
+        ));
+    }
+    Ok(frame)
+}
+
+/// Which columns the coordinates are, and whether they are scaled.
+fn coordinates(feed: &Feed, names: &[String], header: &Header) -> Result<([usize; 3], bool)> {
+    let place = |name: &str| names.iter().position(|it| it == name);
+    let complete = COORDINATES.iter().find_map(|(axes, scaled)| {
+        let [x, y, z] = axes.map(place);
+        Some(([x?, y?, z?], *scaled))
+    });
+    complete.ok_or_else(|| {
+        let what = format!("no coordinates among the columns: {}", names.join(" "));
+        let hint = if header.columns.is_empty() {
+            "this old dump does not name its columns: try --columns id,type,x,y,z"
+        } else {
+            "dump x y z, xu yu zu, xs ys zs or xsu ysu zsu"
+        };
+        Error::format(feed.path(), format!("line {}", feed.line_number() - 1), what, hint)
+    })
+}
+
+/// The rows at the front of `text`, up to the next header.
+fn own_rows(text: &[u8]) -> &[u8] {
+    &text[..memchr::memmem::find(text, b"ITEM:")
+        .unwrap_or_else(|| memchr::memrchr(b'\n', text).unwrap_or(text.len()))]
+}
+
+fn conventions(names: &[String], axes: [usize; 3], header: &Header, scaled: bool) -> Vec<String> {
+    let tilted = header.cell.is_some_and(|cell| {
+        let [a, b, c] = cell.vectors;
+        [a.y, a.z, b.x, b.z, c.x, c.y].iter().any(|&it| it != 0.0)
+    });
+    let mut lines = vec![format!("coordinates: {}", axes.map(|axis| names[axis].as_str()).join(" "))];
+    if scaled {
+        lines[0] += if tilted { " (scaled by the triclinic cell)" } else { " (scaled by the cell)" };
+    }
+    if ["ix", "iy", "iz"].iter().any(|flag| names.iter().any(|name| name == flag)) {
+        lines.push("image flags ix iy iz: kept as attributes, not applied".to_string());
+    }
+    if header.cell.is_some() && !header.periodicity {
+        lines.push("the box does not say whether it repeats: taken as not periodic".to_string());
+    }
+    lines
+}
+
+/// The unit of length of a LAMMPS unit system; `lj` has none.
+fn length_unit(units: &str) -> Option<&'static str> {
+    match units {
+        "real" | "metal" => Some("Å"),
+        "si" => Some("m"),
+        "cgs" => Some("cm"),
+        "electron" => Some("Bohr"),
+        "micro" => Some("µm"),
+        "nano" => Some("nm"),
+        _ => None,
+    }
+}
+
+/// Whether coordinates that are said to be real fill 0..1 in a cell that is far from unit size.
+fn looks_scaled(particles: &Particles) -> bool {
+    let Some(cell) = particles.cell().filter(|_| particles.len() >= 8) else { return false };
+    let (bounds, origin) = (particles.bounds(), particles.positions().origin());
+    let [min, max] = [bounds.min, bounds.max].map(|corner| origin + corner.as_dvec3());
+    let within = min.cmpge(DVec3::splat(-0.02)).all() && max.cmple(DVec3::splat(1.02)).all();
+    let edge = cell.vectors.iter().map(|it| it.length()).fold(0.0, f64::max);
+    within && (max - min).max_element() > 0.5 && edge > 2.0
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sequence::Options;
+    use std::path::Path;
+    use tyndall::Values;
+
+    const TRICLINIC: &str = "ITEM: UNITS\nmetal\nITEM: TIME\n0.5\nITEM: TIMESTEP\n10\nITEM: NUMBER OF ATOMS\n2\n\
+        ITEM: BOX BOUNDS xy xz yz pp ff ps\n-1 15 2\n-3 20 4\n0 30 -3\nITEM: ATOMS id zs ys xs element ix iy iz \n";
+
+    fn read_with(text: &str, options: &Options) -> Result<Vec<Frame>> {
+        let path = Path::new("a.dump");
+        let index = index(&mut Feed::over(path, text.as_bytes()))?;
+        let frame = |span: &Span| {
+            let mut feed = Feed::over(path, text.as_bytes());
+            feed.skip_to(span.offset, span.line)?;
+            frame(&mut feed, &Request { options, bytes: span.bytes, units: index.units.as_deref() }, &())
+        };
+        index.frames.iter().map(frame).collect()
+    }
+
+    fn read(text: &str) -> Result<Vec<Frame>> {
+        read_with(text, &Options::default())
+    }
+
+    #[test]
+    fn scaled_triclinic_coordinates_go_through_the_cell() {
+        let frames = read(&format!("{TRICLINIC}7 0 0 0 Cu 0 1 -1\n3 0.5 0.25 1 O 0 0 0\n")).unwrap();
+        let particles = &frames[0].particles;
+        // Bounds -1..15 with tilts 2 and 4 are those of -1..9; bounds -3..20 with tilt -3 those of 0..20.
+        let cell = particles.cell().unwrap();
+        assert_eq!(cell.origin, DVec3::new(-1.0, 0.0, 0.0));
+        let vectors = [DVec3::new(10.0, 0.0, 0.0), DVec3::new(2.0, 20.0, 0.0), DVec3::new(4.0, -3.0, 30.0)];
+        assert_eq!((cell.vectors, cell.periodic), (vectors, [true, false, true]));
+        let wanted = cell.origin + vectors[0] + 0.25 * vectors[1] + 0.5 * vectors[2];
+        assert!(particles.positions().world(1).abs_diff_eq(wanted, 1e-6));
+        assert_eq!(particles.attribute("id").unwrap().values, Values::I32(vec![7, 3]));
+        assert_eq!(particles.attribute("iz").unwrap().values, Values::I32(vec![-1, 0]));
+        assert_eq!(particles.attribute("element").unwrap().values.type_name(), "text");
+        assert_eq!((particles.time(), particles.length_unit()), (Some(0.5), Some("Å")));
+        assert_eq!(frames[0].conventions[0], "coordinates: xs ys zs (scaled by the triclinic cell)");
+    }
+
+    #[test]
+    fn general_triclinic_boxes_have_vectors() {
+        let lines = ["1 2 3 10", "4 5 6 11", "7 8 9 12"].map(str::to_string);
+        let cell = cell(" abc origin pp ff pp", &lines).unwrap();
+        assert_eq!((cell.origin, cell.vectors[2]), (DVec3::new(10.0, 11.0, 12.0), DVec3::new(7.0, 8.0, 9.0)));
+        assert_eq!(cell.periodic, [true, false, true]);
+    }
+
+    fn dump(columns: &str, rows: &[&str]) -> String {
+        let count = rows.len();
+        let rows: String = rows.iter().map(|row| format!("{row}\r\n")).collect();
+        format!(
+            "ITEM: TIMESTEP\r\n5\r\nITEM: NUMBER OF ATOMS\r\n{count}\r\nITEM: BOX BOUNDS pp pp pp\r\n0 10\r\n0 10\r\n0 10\r\nITEM: ATOMS {columns}\r\n{rows}"
+        )
+    }
+
+    #[test]
+    fn real_coordinates_come_before_unwrapped_and_scaled_ones() {
+        let frame = &read(&dump("xs ys zs xu yu zu x y z", &["0.1 0.1 0.1 11 1 1 1 2 3"])).unwrap()[0];
+        assert_eq!(frame.particles.positions().world(0), DVec3::new(1.0, 2.0, 3.0));
+        assert_eq!(frame.particles.attributes().len(), 6);
+        let frame = &read(&dump("xsu ysu zsu", &["1.5 0.5 -0.5"])).unwrap()[0];
+        assert_eq!(frame.particles.positions().world(0), DVec3::new(15.0, 5.0, -5.0));
+    }
+
+    #[test]
+    fn counts_may_change_and_frames_may_be_empty() {
+        let text = [dump("x y z vx", &["1 2 3 0", "1 2 3 1"]), dump("x y z", &[]), dump("x y z", &["1 2 3"])]
+            .concat();
+        let frames = read(&text).unwrap();
+        let counts: Vec<usize> = frames.iter().map(|it| it.particles.len()).collect();
+        assert_eq!(counts, [2, 0, 1]);
+        assert_eq!(frames[0].particles.attribute("vx").unwrap().values, Values::F32(vec![0.0, 1.0]));
+    }
+
+    #[test]
+    fn coordinates_that_look_scaled_are_warned_about() {
+        let rows: Vec<String> = (0..9).map(|k| format!("0.{k} 0.5 0.9")).collect();
+        let rows: Vec<&str> = rows.iter().map(String::as_str).collect();
+        let frame = &read(&dump("x y z", &rows)).unwrap()[0];
+        assert!(
+            frame.warnings[0].contains("look scaled (0..1) but the columns are 'x y z'"),
+            "{:?}",
+            frame.warnings
+        );
+        let options = Options { scaled: true, ..Options::default() };
+        let frame = &read_with(&dump("x y z", &rows), &options).unwrap()[0];
+        assert!(frame.warnings.is_empty());
+        assert_eq!(frame.particles.positions().world(0), DVec3::new(0.0, 5.0, 9.0));
+    }
+
+    #[test]
+    fn truncation_and_hostile_counts_are_noticed() {
+        let cut = |text: &str| {
+            let index = index(&mut Feed::over(Path::new("a.dump"), text.as_bytes())).unwrap();
+            (index.frames.len(), index.cut)
+        };
+        let whole = dump("id x y z", &["1 0 0 0"]);
+        assert_eq!(cut(&format!("{whole}{}", &whole[..30])), (1, true));
+        assert_eq!(cut(&format!("{whole}{}", whole.trim_end().strip_suffix('0').unwrap())), (1, true));
+        assert_eq!(cut(whole.trim_end()), (1, false));
+        assert_eq!(cut(&whole.replacen("ATOMS\r\n1", "ATOMS\r\n1152921504606846976", 1)), (0, true));
+    }
+
+    #[test]
+    fn what_is_wrong_is_said() {
+        let message = |text: &str| read(text).err().unwrap().to_string();
+        assert!(message(&dump("id type", &["1 1"])).contains("no coordinates among the columns: id type"));
+        let short = message(&dump("x y z", &["1 1"]));
+        assert!(short.contains("wanted 3 values, found 2") && short.contains("a.dump: line 10"), "{short}");
+        assert!(
+            message(&dump("x y z", &["1 1 1"]).replace("0 10\r\n0 10", "0 10\r\n0 ten"))
+                .contains("bounds of the box along y")
+        );
+        assert!(message(&(dump("x y z", &["1 1 1"]) + "2 2 2\n")).contains("found '2 2 2'"));
+    }
+}

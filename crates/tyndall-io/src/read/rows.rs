@@ -1,0 +1,422 @@
+//! Rows of text to columns, many slices at once: what XYZ, LAMMPS dumps and tables have in common.
+//!
+//! A block of whole lines is cut into slices at line ends, each slice is parsed into columns of its own, and these are joined
+//! in order. Blocks and slices have fixed sizes, so the result does not depend on the number of threads. In flight are one
+//! block of text and its columns; all else is the final columns.
+
+use rayon::prelude::*;
+use tyndall::{Attribute, Cell, DVec3, Error, Positions, Progress, Result};
+
+use super::column::{Column, Kind, Separator, number};
+use super::feed::Feed;
+
+/// Text that is parsed together.
+const BLOCK: usize = 16 << 20;
+/// Text that one thread parses at a time.
+const SLICE: usize = 512 << 10;
+/// Rows that are looked at to tell numbers from words.
+const SAMPLE: usize = 100;
+
+/// What a field of a row is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Role {
+    /// The coordinate along an axis.
+    Axis(usize),
+    /// The next component of an attribute.
+    Attribute(usize),
+}
+
+/// An attribute before it is read.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Heading {
+    pub(crate) name: String,
+    pub(crate) components: usize,
+    pub(crate) kind: Kind,
+    pub(crate) unit: Option<String>,
+}
+
+impl Heading {
+    /// A scalar without a unit.
+    pub(crate) fn scalar(name: impl Into<String>, kind: Kind) -> Self {
+        Self { name: name.into(), components: 1, kind, unit: None }
+    }
+}
+
+/// How a row is to be understood.
+#[derive(Clone, Debug)]
+pub(crate) struct Layout {
+    /// How fields are told apart.
+    pub(crate) separator: Separator,
+    /// What each field is, in order.
+    pub(crate) roles: Vec<Role>,
+    /// The attributes.
+    pub(crate) headings: Vec<Heading>,
+    /// The cell whose edges the coordinates are fractions of.
+    pub(crate) scaled: Option<Cell>,
+    /// Whether empty lines and lines that begin with `#` may stand between rows.
+    pub(crate) gaps: bool,
+    /// Where the file's middle is, if that is known.
+    pub(crate) origin: Option<DVec3>,
+}
+
+/// What was read.
+pub(crate) struct Rows {
+    pub(crate) positions: Positions,
+    pub(crate) attributes: Vec<Attribute>,
+}
+
+/// Reads `count` rows, or all that are left. `bytes` is their size, as far as it is known: no room is made for more rows than
+/// could stand there. Fewer rows than `count` are an error.
+pub(crate) fn read(
+    feed: &mut Feed,
+    layout: &Layout,
+    count: Option<u64>,
+    bytes: Option<u64>,
+    progress: &dyn Progress,
+) -> Result<Rows> {
+    progress.begin("read", bytes, "B");
+    // A row has at least a digit and a separator a field.
+    let most = bytes.map_or(1 << 16, |bytes| bytes / (2 * layout.roles.len() as u64));
+    let expected = count.or(bytes.map(|bytes| bytes / row_bytes(feed))).unwrap_or(0).min(most) as usize;
+    let mut positions = layout.origin.map_or_else(Positions::new, Positions::around);
+    positions.reserve(expected);
+    let new_column = |it: &Heading| Column::new(it.kind, expected.saturating_mul(it.components));
+    let mut columns: Vec<Column> = layout.headings.iter().map(new_column).collect();
+
+    let path = feed.path().to_path_buf();
+    let mut left = count.unwrap_or(u64::MAX);
+    let block_bytes = bytes.map_or(BLOCK, |bytes| bytes.clamp(1 << 12, BLOCK as u64) as usize);
+    loop {
+        let parsed = feed.block(block_bytes, left, |block| {
+            let slices = slices(block.bytes);
+            let parse = |slice: &&[u8]| {
+                let part =
+                    if progress.cancelled() { Err(Stop::Cancelled) } else { Part::read(slice, layout) };
+                progress.advance(slice.len() as u64);
+                part
+            };
+            let parts: Vec<_> = slices.par_iter().map(parse).collect();
+            let mut line = block.first_line;
+            for (part, slice) in parts.into_iter().zip(slices) {
+                let part = part.map_err(|stop| stop.at(&path, line))?;
+                line += part.lines;
+                debug_assert_eq!(part.lines, part_lines(slice));
+                positions.extend(&part.positions);
+                for (column, more) in columns.iter_mut().zip(part.columns) {
+                    column.append(more);
+                }
+            }
+            Ok(block.lines)
+        })?;
+        let Some(lines) = parsed else { break };
+        left -= lines;
+    }
+    if let Some(count) = count.filter(|_| left > 0) {
+        let what = format!("the file ends after {} of {count} particles", count - left);
+        return Err(feed.fault(what, "was it changed or cut while it was read?"));
+    }
+    let attributes = layout.headings.iter().zip(columns).map(|(heading, column)| Attribute {
+        name: heading.name.clone(),
+        components: heading.components,
+        unit: heading.unit.clone(),
+        values: column.into_values(),
+    });
+    Ok(Rows { positions, attributes: attributes.collect() })
+}
+
+/// The kind of each field, by the first rows of `text`: words where a field is no number, integers where all are.
+pub(crate) fn kinds(text: &[u8], separator: Separator, fields: usize) -> Vec<Kind> {
+    let mut kinds = vec![Kind::Integer; fields];
+    for line in text.split(|&byte| byte == b'\n').filter(|it| !it.trim_ascii().is_empty()).take(SAMPLE) {
+        for (kind, token) in kinds.iter_mut().zip(split(line, separator)) {
+            let is_number = matches!(number(token, separator), Some((_, taken)) if taken == token.len());
+            if !is_number && !token.is_empty() {
+                *kind = Kind::Text;
+            }
+        }
+    }
+    kinds
+}
+
+/// The fields of a line. A separator at the line's end has no field behind it.
+pub(crate) fn split(line: &[u8], separator: Separator) -> impl Iterator<Item = &[u8]> {
+    let mut rest = line.trim_ascii();
+    std::iter::from_fn(move || {
+        if rest.is_empty() {
+            return None;
+        }
+        let (token, taken) = separator.token(rest);
+        rest = trim_start(&rest[taken..], separator);
+        if let Some(byte) = separator.byte {
+            // Whatever stands between a closing quote and the separator belongs to no field.
+            let next = memchr::memchr(byte, rest).map_or(rest.len(), |place| place + 1);
+            rest = trim_start(&rest[next..], separator);
+        }
+        Some(token)
+    })
+}
+
+fn trim_start(mut rest: &[u8], separator: Separator) -> &[u8] {
+    while let [first, tail @ ..] = rest
+        && separator.is_blank(*first)
+    {
+        rest = tail;
+    }
+    rest
+}
+
+/// The mean length of the next rows, for estimates.
+fn row_bytes(feed: &mut Feed) -> u64 {
+    let text = feed.peek(1 << 16).unwrap_or_default();
+    (text.len() as u64 / part_lines(text).max(1)).max(1)
+}
+
+fn part_lines(text: &[u8]) -> u64 {
+    memchr::memchr_iter(b'\n', text).count() as u64 + u64::from(!text.is_empty() && !text.ends_with(b"\n"))
+}
+
+/// Cuts at line ends.
+fn slices(block: &[u8]) -> Vec<&[u8]> {
+    let mut slices = Vec::with_capacity(block.len() / SLICE + 1);
+    let mut rest = block;
+    while rest.len() > SLICE {
+        let end = memchr::memchr(b'\n', &rest[SLICE..]).map_or(rest.len(), |place| SLICE + place + 1);
+        let (slice, tail) = rest.split_at(end);
+        slices.push(slice);
+        rest = tail;
+    }
+    slices.push(rest);
+    slices
+}
+
+/// Why a slice could not be read.
+enum Stop {
+    Cancelled,
+    /// In line `line` of the slice, counted from 0.
+    Fault {
+        line: u64,
+        what: String,
+    },
+}
+
+impl Stop {
+    fn at(self, path: &std::path::Path, first_line: u64) -> Error {
+        match self {
+            Self::Cancelled => Error::Interrupted,
+            Self::Fault { line, what } => {
+                let hint = "correct the line, or leave it out";
+                Error::format(path, format!("line {}", first_line + line), what, hint)
+            }
+        }
+    }
+}
+
+/// A slice, read.
+struct Part {
+    positions: Vec<DVec3>,
+    columns: Vec<Column>,
+    lines: u64,
+}
+
+impl Part {
+    fn read(slice: &[u8], layout: &Layout) -> std::result::Result<Self, Stop> {
+        // Most fields have eight bytes or more; a guess that is too small costs a move.
+        let guess = slice.len() / (8 * layout.roles.len()) + 1;
+        let new_column = |it: &Heading| Column::new(it.kind, guess * it.components);
+        let columns = layout.headings.iter().map(new_column).collect();
+        let mut part = Self { positions: Vec::with_capacity(guess), columns, lines: 0 };
+        let mut rest = slice;
+        while !rest.is_empty() {
+            let end = memchr::memchr(b'\n', rest).unwrap_or(rest.len());
+            let line = &rest[..end];
+            let line = line.strip_suffix(b"\r").unwrap_or(line);
+            if !layout.gaps || !is_gap(line) {
+                part.row(line, layout).map_err(|what| Stop::Fault { line: part.lines, what })?;
+            }
+            part.lines += 1;
+            rest = &rest[(end + 1).min(rest.len())..];
+        }
+        Ok(part)
+    }
+
+    #[inline]
+    fn row(&mut self, line: &[u8], layout: &Layout) -> std::result::Result<(), String> {
+        let separator = layout.separator;
+        let mut position = DVec3::ZERO;
+        let mut at = 0;
+        for (field, role) in layout.roles.iter().enumerate() {
+            while at < line.len() && separator.is_blank(line[at]) {
+                at += 1;
+            }
+            if at == line.len() {
+                return Err(wrong_count(line, layout));
+            }
+            let rest = &line[at..];
+            let taken = match *role {
+                Role::Axis(axis) => number(rest, separator).map(|(value, taken)| {
+                    position[axis] = value;
+                    taken
+                }),
+                Role::Attribute(attribute) => self.columns[attribute].push(rest, separator),
+            };
+            at += taken.ok_or_else(|| wrong_value(line, layout, field, rest))?;
+            if let Some(byte) = separator.byte {
+                while at < line.len() && separator.is_blank(line[at]) {
+                    at += 1;
+                }
+                match line.get(at) {
+                    Some(&next) if next == byte => at += 1,
+                    // The last field may be missing: the separator before it is then the line's last byte.
+                    None if field + 1 < layout.roles.len() => return Err(wrong_count(line, layout)),
+                    None => {}
+                    Some(_) => return Err(wrong_value(line, layout, field, rest)),
+                }
+                if at == line.len() && field + 2 == layout.roles.len() {
+                    self.missing(layout.roles[field + 1], &mut position)
+                        .ok_or_else(|| wrong_count(line, layout))?;
+                    break;
+                }
+            }
+        }
+        if line[at..].iter().any(|byte| !matches!(byte, b' ' | b'\t')) {
+            return Err(wrong_count(line, layout));
+        }
+        self.positions.push(match &layout.scaled {
+            Some(cell) => from_fractions(cell, position),
+            None => position,
+        });
+        Ok(())
+    }
+
+    /// A missing last value.
+    fn missing(&mut self, role: Role, position: &mut DVec3) -> Option<usize> {
+        match role {
+            Role::Axis(axis) => {
+                position[axis] = f64::NAN;
+                Some(0)
+            }
+            Role::Attribute(attribute) => {
+                self.columns[attribute].push(b"", Separator { byte: Some(b','), decimal_comma: false })
+            }
+        }
+    }
+}
+
+fn is_gap(line: &[u8]) -> bool {
+    let line = line.trim_ascii_start();
+    line.is_empty() || line[0] == b'#'
+}
+
+/// The place of the point that lies at these fractions of the cell's edges.
+fn from_fractions(cell: &Cell, fractions: DVec3) -> DVec3 {
+    let [a, b, c] = cell.vectors;
+    cell.origin + fractions.x * a + fractions.y * b + fractions.z * c
+}
+
+#[cold]
+fn wrong_count(line: &[u8], layout: &Layout) -> String {
+    let wanted = layout.roles.len();
+    let found = split(line, layout.separator).count();
+    format!("wanted {wanted} values, found {found}: '{}'", shortened(line))
+}
+
+#[cold]
+fn wrong_value(line: &[u8], layout: &Layout, field: usize, rest: &[u8]) -> String {
+    let (token, _) = layout.separator.token(rest);
+    let (name, wanted) = match layout.roles[field] {
+        Role::Axis(axis) => (["x", "y", "z"][axis], "a number"),
+        Role::Attribute(attribute) => {
+            let heading = &layout.headings[attribute];
+            (heading.name.as_str(), if heading.kind == Kind::Truth { "T or F" } else { "a number" })
+        }
+    };
+    // A field that is neither may have lost its separator, so that the count is what the reader needs.
+    let found = split(line, layout.separator).count();
+    if found != layout.roles.len() {
+        return wrong_count(line, layout);
+    }
+    format!("wanted {wanted} for {name} (column {}), found '{}'", field + 1, shortened(token))
+}
+
+/// Text for a message.
+pub(crate) fn shortened(text: &[u8]) -> String {
+    let text = String::from_utf8_lossy(text);
+    let mut short: String = text.trim().chars().take(60).collect();
+    if short.len() < text.trim().len() {
+        short.push('…');
+    }
+    short
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::path::Path;
+    use tyndall::Values;
+
+    fn layout(separator: Separator) -> Layout {
+        let headings = vec![Heading::scalar("id", Kind::Integer)];
+        let roles = vec![Role::Attribute(0), Role::Axis(0), Role::Axis(1), Role::Axis(2)];
+        Layout { separator, roles, headings, scaled: None, gaps: false, origin: None }
+    }
+
+    fn rows(text: &str, count: Option<u64>, layout: &Layout) -> Result<Rows> {
+        let mut feed = Feed::over(Path::new("rows"), text.as_bytes());
+        read(&mut feed, layout, count, Some(text.len() as u64), &())
+    }
+
+    #[test]
+    fn slices_join_to_what_one_thread_reads() {
+        let count = 100_000;
+        let text: String = (0..count).map(|k| format!("{k} {}.5 -{k}e-3\t{}\r\n", k, 2 * k)).collect();
+        let rows = rows(&text, Some(count), &layout(Separator::BLANKS)).unwrap();
+        assert_eq!(rows.attributes[0].values, Values::I32((0..count as i32).collect()));
+        for k in [0, 1, 54_321, 99_999] {
+            let wanted = DVec3::new(k as f64 + 0.5, k as f64 * -1e-3, 2.0 * k as f64);
+            assert!(rows.positions.world(k).abs_diff_eq(wanted, 1e-2), "row {k}");
+        }
+    }
+
+    #[test]
+    fn faults_name_line_and_value() {
+        let layout = layout(Separator::BLANKS);
+        let message = |text: &str| rows(text, None, &layout).err().unwrap().to_string();
+        assert_eq!(
+            message("1 2 3 4\n1 2 x 4\n"),
+            "wanted a number for y (column 3), found 'x' (rows: line 2) — correct the line, or leave it out"
+        );
+        assert!(message("1 2 3 4\n1 2 3\n").contains("wanted 4 values, found 3"));
+        assert!(message("1 2 3 4\n1 2 3 4 5\n").contains("wanted 4 values, found 5"));
+        assert!(message("1 2 3 4\n\n1 2 3 4\n").contains("found 0"));
+    }
+
+    #[test]
+    fn a_count_beyond_the_bytes_makes_no_room() {
+        let fault = rows("1 2 3 4\n", Some(1 << 60), &layout(Separator::BLANKS)).err().unwrap();
+        assert!(fault.to_string().contains("ends after 1 of 1152921504606846976"), "{fault}");
+    }
+
+    #[test]
+    fn separated_rows_may_lack_values_and_end_with_a_separator() {
+        let comma = Separator { byte: Some(b','), decimal_comma: false };
+        let rows = rows("1, 2 ,3,4\n\"2\",,3,4,\n3,1,1,\n", None, &layout(comma)).unwrap();
+        assert_eq!(rows.attributes[0].values, Values::I32(vec![1, 2, 3]));
+        assert!(rows.positions.world(1).x.is_nan() && rows.positions.world(2).z.is_nan());
+        assert_eq!(rows.positions.world(0), DVec3::new(2.0, 3.0, 4.0));
+    }
+
+    #[test]
+    fn cancelling_stops_the_read() {
+        struct Cancelled;
+        impl Progress for Cancelled {
+            fn begin(&self, _: &str, _: Option<u64>, _: &'static str) {}
+            fn advance(&self, _: u64) {}
+            fn cancelled(&self) -> bool {
+                true
+            }
+        }
+        let mut feed = Feed::over(Path::new("rows"), b"1 2 3 4\n");
+        let read = read(&mut feed, &layout(Separator::BLANKS), None, None, &Cancelled);
+        assert!(matches!(read.err(), Some(Error::Interrupted)));
+    }
+}

@@ -1,0 +1,159 @@
+//! Compressed files: which compression it is, by its magic bytes, and the bytes inside as a stream.
+//!
+//! Gzip may have many members and Zstandard many frames; both are read to their end. A stream that stops too early fails
+//! with [`ErrorKind::UnexpectedEof`], one that is damaged with [`ErrorKind::InvalidData`].
+
+use std::fs::File;
+use std::io::{BufRead, BufReader, Error, ErrorKind, Read, Result};
+
+use flate2::bufread::MultiGzDecoder;
+use ruzstd::decoding::errors::{FrameDecoderError, ReadFrameHeaderError};
+use ruzstd::decoding::{BlockDecodingStrategy, FrameDecoder};
+
+/// How a file is compressed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Packing {
+    /// Not at all.
+    Plain,
+    /// With gzip.
+    Gzip,
+    /// With Zstandard.
+    Zstd,
+}
+
+impl Packing {
+    /// The compression of a file that begins with `head`.
+    pub(crate) fn of(head: &[u8]) -> Self {
+        // Zstandard's skippable frames, which may come first, have sixteen magic numbers.
+        let skippable = head.len() >= 4 && head[0] & 0xf0 == 0x50 && head[1..4] == [0x2a, 0x4d, 0x18];
+        if head.starts_with(&[0x1f, 0x8b]) {
+            Self::Gzip
+        } else if head.starts_with(&[0x28, 0xb5, 0x2f, 0xfd]) || skippable {
+            Self::Zstd
+        } else {
+            Self::Plain
+        }
+    }
+
+    /// Its name, as printed to people.
+    pub(crate) fn name(self) -> Option<&'static str> {
+        match self {
+            Self::Plain => None,
+            Self::Gzip => Some("gzip"),
+            Self::Zstd => Some("zstd"),
+        }
+    }
+
+    /// The content of `file`.
+    pub(crate) fn stream(self, file: File) -> Box<dyn Read + Send> {
+        let file = BufReader::with_capacity(1 << 18, file);
+        match self {
+            Self::Plain => Box::new(file),
+            Self::Gzip => Box::new(MultiGzDecoder::new(file)),
+            Self::Zstd => Box::new(Zstd { file, decoder: FrameDecoder::new(), inside: false }),
+        }
+    }
+}
+
+/// All frames of a Zstandard file, one after the other.
+struct Zstd {
+    file: BufReader<File>,
+    decoder: FrameDecoder,
+    inside: bool,
+}
+
+impl Zstd {
+    fn fault(&mut self, error: impl std::fmt::Display) -> Error {
+        match self.file.fill_buf() {
+            Ok([]) => Error::new(ErrorKind::UnexpectedEof, error.to_string()),
+            Ok(_) => Error::new(ErrorKind::InvalidData, error.to_string()),
+            Err(error) => error,
+        }
+    }
+
+    fn next_frame(&mut self) -> Result<()> {
+        match self.decoder.reset(&mut self.file) {
+            Ok(()) => self.inside = true,
+            Err(FrameDecoderError::ReadFrameHeaderError(ReadFrameHeaderError::SkipFrame {
+                length, ..
+            })) => {
+                std::io::copy(&mut (&mut self.file).take(length.into()), &mut std::io::sink())?;
+            }
+            Err(error) => return Err(self.fault(error)),
+        }
+        Ok(())
+    }
+}
+
+impl Read for Zstd {
+    fn read(&mut self, buffer: &mut [u8]) -> Result<usize> {
+        loop {
+            if !self.inside {
+                if self.file.fill_buf()?.is_empty() {
+                    return Ok(0);
+                }
+                self.next_frame()?;
+            } else if self.decoder.can_collect() > 0 {
+                return self.decoder.read(buffer);
+            } else if !self.decoder.is_finished() {
+                let decoded =
+                    self.decoder.decode_blocks(&mut self.file, BlockDecodingStrategy::UptoBlocks(1));
+                decoded.map_err(|error| self.fault(error))?;
+            } else {
+                self.inside = false;
+                let wanted = self.decoder.get_checksum_from_data();
+                if wanted.is_some() && wanted != self.decoder.get_calculated_checksum() {
+                    return Err(Error::new(ErrorKind::InvalidData, "the checksum does not match"));
+                }
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::io::Write;
+
+    fn unpacked(name: &str, bytes: &[u8]) -> Result<Vec<u8>> {
+        let path = std::env::temp_dir().join(format!("tyndall-unpack-{}-{name}", std::process::id()));
+        std::fs::write(&path, bytes).unwrap();
+        let mut out = Vec::new();
+        let read = Packing::of(bytes).stream(File::open(&path).unwrap()).read_to_end(&mut out);
+        std::fs::remove_file(&path).unwrap();
+        read.map(|_| out)
+    }
+
+    fn gzip(bytes: &[u8]) -> Vec<u8> {
+        let mut encoder = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::fast());
+        encoder.write_all(bytes).unwrap();
+        encoder.finish().unwrap()
+    }
+
+    fn zstd(bytes: &[u8]) -> Vec<u8> {
+        ruzstd::encoding::compress_to_vec(bytes, ruzstd::encoding::CompressionLevel::Fastest)
+    }
+
+    #[test]
+    fn all_members_and_frames_are_read() {
+        assert_eq!(unpacked("gz", &[gzip(b"one "), gzip(b"two")].concat()).unwrap(), b"one two");
+        let skippable = [0x50, 0x2a, 0x4d, 0x18, 3, 0, 0, 0, 9, 9, 9];
+        let frames = [&skippable[..], &zstd(b"one "), &skippable, &zstd(b"two")].concat();
+        assert_eq!(unpacked("zst", &frames).unwrap(), b"one two");
+    }
+
+    #[test]
+    fn a_stream_that_stops_early_says_so() {
+        let text: Vec<u8> =
+            (0..50_000u32).flat_map(|k| (k.wrapping_mul(2654435761)).to_string().into_bytes()).collect();
+        for (name, packed) in [("cut.gz", gzip(&text)), ("cut.zst", zstd(&text))] {
+            let error = unpacked(name, &packed[..packed.len() / 2]).unwrap_err();
+            assert_eq!(error.kind(), ErrorKind::UnexpectedEof, "{name}");
+        }
+    }
+
+    #[test]
+    fn plain_bytes_pass() {
+        assert_eq!(unpacked("plain", b"1 2 3").unwrap(), b"1 2 3");
+    }
+}

@@ -1,0 +1,487 @@
+//! Text formats through the front door: own fixtures always, the shared real files where they are.
+#![allow(clippy::unwrap_used, reason = "all of this is tests")]
+
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+use serde_json::Value;
+use tyndall::{DVec3, Particles, Values};
+use tyndall_io::{Frame, Options, Sequence};
+
+fn fixture(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data").join(name)
+}
+
+fn open(path: &Path) -> Sequence {
+    Sequence::open(&[path.to_path_buf()], &Options::default()).unwrap_or_else(|error| panic!("{error}"))
+}
+
+fn frame(sequence: &Sequence, frame: usize) -> Frame {
+    sequence.frame(frame, &()).unwrap_or_else(|error| panic!("{}: {error}", sequence.name(frame)))
+}
+
+/// A folder that is gone when it is dropped.
+struct Folder(PathBuf);
+
+impl Folder {
+    fn new(name: &str) -> Self {
+        let path = std::env::temp_dir().join(format!("tyndall-text-{}-{name}", std::process::id()));
+        std::fs::create_dir_all(&path).unwrap();
+        Self(path)
+    }
+
+    fn file(&self, name: &str, bytes: &[u8]) -> PathBuf {
+        let path = self.0.join(name);
+        std::fs::write(&path, bytes).unwrap();
+        path
+    }
+}
+
+impl Drop for Folder {
+    fn drop(&mut self) {
+        std::fs::remove_dir_all(&self.0).unwrap();
+    }
+}
+
+fn gzip(bytes: &[u8]) -> Vec<u8> {
+    let mut encoder = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::fast());
+    encoder.write_all(bytes).unwrap();
+    encoder.finish().unwrap()
+}
+
+fn zstd(bytes: &[u8]) -> Vec<u8> {
+    ruzstd::encoding::compress_to_vec(bytes, ruzstd::encoding::CompressionLevel::Fastest)
+}
+
+#[test]
+fn a_scaled_triclinic_dump_with_image_flags_is_read() {
+    let sequence = open(&fixture("triclinic_scaled.dump"));
+    assert_eq!((sequence.len(), sequence.format()), (2, "LAMMPS dump (text)"));
+    assert_eq!(sequence.name(1), "triclinic_scaled.dump[1]");
+    let first = frame(&sequence, 0);
+    assert_eq!(first.conventions[0], "coordinates: xs ys zs (scaled by the triclinic cell)");
+    let particles = &first.particles;
+    assert_eq!((particles.len(), particles.length_unit(), particles.time()), (3, Some("Å"), Some(0.0)));
+    // a = (10, 0, 0), b = (2, 8, 0), c = (-1, 1, 6), origin (1, 2, 3).
+    assert!(particles.positions().world(2).abs_diff_eq(DVec3::new(6.5, 6.5, 6.0), 1e-5));
+    assert_eq!(particles.attribute("ix").unwrap().values, Values::I32(vec![0, 1, -1]));
+    assert_eq!(frame(&sequence, 1).particles.len(), 1);
+}
+
+#[test]
+fn extended_xyz_of_odd_spelling_is_read() {
+    let sequence = open(&fixture("odd.xyz"));
+    assert_eq!(sequence.len(), 3);
+    let particles = frame(&sequence, 0).particles;
+    assert_eq!(particles.attribute("charge").unwrap().values, Values::F32(vec![0.5, -0.5]));
+    assert_eq!(particles.cell().unwrap().periodic, [true, true, false]);
+    assert_eq!(frame(&sequence, 1).particles.attribute("type").unwrap().values, Values::I32(vec![3]));
+    assert!(frame(&sequence, 2).particles.is_empty());
+}
+
+#[test]
+fn a_semicolon_table_with_decimal_commas_is_read() {
+    let sequence = open(&fixture("comma.csv"));
+    let frame = frame(&sequence, 0);
+    assert_eq!(frame.particles.positions().world(1), DVec3::new(4.5, 5.25, 0.0));
+    assert_eq!(frame.particles.attribute("speed").unwrap().unit.as_deref(), Some("m/s"));
+    assert_eq!(frame.conventions, ["two-dimensional: z = 0", "decimal commas"]);
+}
+
+#[test]
+fn a_long_table_is_the_same_mapped_and_streamed() {
+    let folder = Folder::new("long");
+    // More than a block of 16 MiB; a column that turns from integers to floats on the way.
+    let row = |k: u64| format!("{k},{}.25,-{k}e-3,{}\n", k % 977, if k == 900_000 { "0.5" } else { "7" });
+    let text: String = std::iter::once("x,y,z,id\n".to_string()).chain((0..1_000_000).map(row)).collect();
+    let plain = frame(&open(&folder.file("a.csv", text.as_bytes())), 0).particles;
+    assert!(text.len() > 17 << 20 && plain.len() == 1_000_000);
+    assert_eq!(plain.attribute("id").unwrap().values.type_name(), "f32");
+    for (name, packed) in [("a.csv.gz", gzip(text.as_bytes())), ("a.csv.zst", zstd(text.as_bytes()))] {
+        let streamed = frame(&open(&folder.file(name, &packed)), 0).particles;
+        assert!(
+            streamed.positions() == plain.positions() && streamed.attributes() == plain.attributes(),
+            "{name}"
+        );
+    }
+}
+
+/// Many frames of changing size; the rows tell the frame.
+fn trajectory(frames: usize) -> Vec<u8> {
+    let mut text = String::new();
+    for k in 0..frames {
+        let count = 100 + 37 * (k % 3);
+        text += &format!("{count}\nTime={k}\n");
+        for row in 0..count {
+            text += &format!("{row} {k}.25 {row}.5 -1e0\n");
+        }
+    }
+    text.into_bytes()
+}
+
+fn check_trajectory(sequence: &Sequence, order: impl Iterator<Item = usize>) {
+    for k in order {
+        let particles = frame(sequence, k).particles;
+        assert_eq!((particles.len(), particles.time()), (100 + 37 * (k % 3), Some(k as f64)), "frame {k}");
+        assert!(particles.positions().world(7).abs_diff_eq(DVec3::new(k as f64 + 0.25, 7.5, -1.0), 1e-4));
+    }
+}
+
+#[test]
+fn frames_are_found_in_any_order_and_compression() {
+    let folder = Folder::new("order");
+    let text = trajectory(60);
+    // Members of a gzip file end anywhere, here in the middle of a line.
+    let (front, back) = text.split_at(text.len() / 2 + 1);
+    let plain = folder.file("a.xyz", &text);
+    let packed = folder.file("a.xyz.gz", &[gzip(front), gzip(back)].concat());
+    let zstd = folder.file("a.zst", &zstd(&text));
+    for path in [&plain, &packed, &zstd] {
+        let sequence = open(path);
+        assert_eq!(sequence.len(), 60);
+        check_trajectory(&sequence, [0, 59, 3, 4, 30, 29].into_iter());
+    }
+    // Two compressed files together are not kept unpacked: frames are reached by unpacking on, or again.
+    let both = Sequence::open(&[packed, plain, zstd], &Options::default()).unwrap();
+    assert_eq!((both.len(), both.format()), (180, "XYZ (text, gzip)"));
+    check_trajectory(&both, [0, 1, 59, 3, 58].into_iter());
+    let last = frame(&both, 120 + 17).particles;
+    assert_eq!(last.time(), Some(17.0));
+    std::thread::scope(|scope| {
+        for thread in 0..4 {
+            let both = &both;
+            scope.spawn(move || check_trajectory(both, (thread..60).step_by(7)));
+        }
+    });
+}
+
+#[test]
+fn truncated_files_give_their_whole_frames_or_fail() {
+    let folder = Folder::new("cut");
+    let text = trajectory(10);
+    let packed = gzip(&text);
+    let strict = Options { strict: true, ..Options::default() };
+    for (name, bytes) in
+        [("plain.xyz", &text[..text.len() - 200]), ("packed.gz", &packed[..packed.len() - 100])]
+    {
+        let path = folder.file(name, bytes);
+        let sequence = open(&path);
+        let whole = sequence.len();
+        assert!((8..10).contains(&whole), "{name}: {whole}");
+        check_trajectory(&sequence, 0..whole);
+        let next = whole + 1;
+        let wanted = format!(
+            "{name} ends inside frame {next} of ≥{next} — {whole} whole frames read (use --strict to fail)"
+        );
+        assert_eq!(frame(&sequence, 0).warnings, [wanted]);
+        assert!(Sequence::open(&[path], &strict).is_err());
+    }
+    let nothing = folder.file("nothing.xyz", &text[..50]);
+    let error = Sequence::open(&[nothing], &Options::default()).err().unwrap().to_string();
+    assert!(error.contains("ends inside its first frame"), "{error}");
+    let table = gzip(
+        "x,y,z\n"
+            .bytes()
+            .chain((0..9000).flat_map(|k| format!("{k},{},3\n", k * k).into_bytes()))
+            .collect::<Vec<_>>()
+            .as_slice(),
+    );
+    let table = folder.file("t.csv.gz", &table[..table.len() - 2000]);
+    let read = frame(&open(&table), 0);
+    assert!(
+        !read.particles.is_empty() && read.warnings[0].contains("ends inside its compressed data"),
+        "{:?}",
+        read.warnings
+    );
+    assert!(Sequence::open(&[table], &strict).unwrap().frame(0, &()).is_err());
+}
+
+#[test]
+fn what_is_dropped_is_said() {
+    let folder = Folder::new("dropped");
+    let rows: String = (0..1500).map(|k| if k < 1204 { "nan,0,0,1\n" } else { "1,2,3,1\n" }).collect();
+    let path = folder.file("a.csv", format!("x,y,z,radius\n{rows}0,0,0,-1\n").as_bytes());
+    let wanted = "dropped 1,205 of 1,501 particles (1,204 NaN positions, 1 radius < 0)";
+    assert_eq!(frame(&open(&path), 0).warnings, [wanted]);
+}
+
+#[test]
+fn damaged_and_hostile_files_fail_kindly() {
+    let folder = Folder::new("hostile");
+    let mut damaged = gzip(&trajectory(50));
+    let middle = damaged.len() / 2;
+    damaged[middle..middle + 64].fill(0xff);
+    let huge =
+        format!("ITEM: TIMESTEP\n0\nITEM: NUMBER OF ATOMS\n{}\nITEM: ATOMS x y z\n1 2 3\n", 1u64 << 60);
+    let cases = [
+        ("damaged.gz", damaged),
+        ("huge.dump", huge.into_bytes()),
+        ("empty.csv", Vec::new()),
+        ("empty.gz", gzip(b"")),
+        ("short.gz", vec![0x1f, 0x8b, 8]),
+        ("zeros.bin", vec![0; 4096]),
+    ];
+    for (name, bytes) in cases {
+        let path = folder.file(name, &bytes);
+        let read = Sequence::open(&[path], &Options::default()).and_then(|it| it.frame(0, &()));
+        let error = read.err().unwrap_or_else(|| panic!("{name} was read")).to_string();
+        assert!(error.contains(name), "{error}");
+    }
+}
+
+#[test]
+fn altered_files_never_panic() {
+    let folder = Folder::new("altered");
+    let texts =
+        ["triclinic_scaled.dump", "odd.xyz", "comma.csv"].map(|name| std::fs::read(fixture(name)).unwrap());
+    let pieces: [&[u8]; 10] =
+        [b"\n", b" ", b"\"", b",", b"-1", b"99999999999999999999", b"nan", b"\0", b"=", b"ITEM: ATOMS"];
+    for seed in 0..600u64 {
+        let mut state = seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) | 1;
+        let mut random = |below: usize| {
+            state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+            (state >> 33) as usize % below
+        };
+        let mut text = texts[seed as usize % 3].clone();
+        for _ in 0..1 + random(3) {
+            let place = random(text.len());
+            match random(3) {
+                0 => text.truncate(place.max(1)),
+                1 => text[place] = random(256) as u8,
+                _ => drop(text.splice(place..place, pieces[random(pieces.len())].iter().copied())),
+            }
+        }
+        let packed = seed % 5 == 0;
+        let path = folder.file("altered", &if packed { gzip(&text) } else { text });
+        if let Ok(sequence) = Sequence::open(&[path], &Options::default()) {
+            println!("seed {seed}: {} frames", sequence.len());
+            (0..sequence.len()).for_each(|k| drop(sequence.frame(k, &())));
+        }
+    }
+}
+
+/// The expected values of the shared files, if these are there.
+fn shared() -> Option<(PathBuf, Value)> {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data");
+    let Ok(text) = std::fs::read_to_string(folder.join("expected.json")) else {
+        println!("skipped: no shared data at {}", folder.display());
+        return None;
+    };
+    Some((folder, serde_json::from_str(&text).unwrap()))
+}
+
+fn vector(value: &Value) -> DVec3 {
+    DVec3::from_array(std::array::from_fn(|axis| value[axis].as_f64().unwrap()))
+}
+
+/// What must hold of one frame: `expected` has `particles`, `bounds` and maybe more.
+fn check_frame(name: &str, particles: &Particles, expected: &Value) {
+    assert_eq!(particles.len() as u64, expected["particles"].as_u64().unwrap(), "{name}");
+    let [min, max] = ["min", "max"].map(|it| vector(&expected["bounds"][it]));
+    let tolerance = 1e-5 * (max - min).max_element();
+    let near = |what: &str, found: DVec3, wanted: DVec3| {
+        assert!(found.abs_diff_eq(wanted, tolerance), "{name}: {what} is {found}, wanted {wanted}");
+    };
+    let (bounds, origin) = (particles.bounds(), particles.positions().origin());
+    near("min", origin + bounds.min.as_dvec3(), min);
+    near("max", origin + bounds.max.as_dvec3(), max);
+    for (end, place) in [("first", 0), ("last", particles.len() - 1)] {
+        let position = particles.positions().world(place);
+        for key in [format!("{end}_position"), end.to_string()] {
+            let value = &expected[key.as_str()];
+            for wanted in [value, &value["Position"], &value["position"]] {
+                if wanted.as_array().is_some_and(|it| it.len() == 3) {
+                    near(end, position, vector(wanted));
+                }
+            }
+        }
+    }
+    if let Some(step) = expected["timestep"].as_f64().or(expected["timestep_first_frame"].as_f64()) {
+        assert_eq!(particles.time(), Some(step), "{name}");
+    }
+}
+
+/// The attributes of a dump that OVITO shows under a name of its own.
+fn own_names(name: &str) -> Vec<&str> {
+    match name {
+        "Particle Identifier" => vec!["id"],
+        "Particle Type" => vec!["type"],
+        "Velocity" => vec!["vx", "vy", "vz"],
+        "Angular Velocity" => vec!["omegax", "omegay", "omegaz"],
+        "Periodic Image" => vec!["ix", "iy", "iz"],
+        "Radius" => vec!["radius"],
+        "Position" | "Velocity Magnitude" => vec![],
+        other => vec![other],
+    }
+}
+
+fn check_dump(name: &str, particles: &Particles, expected: &Value) {
+    let coordinates = ["x", "y", "z", "xs", "ys", "zs"];
+    let columns: Vec<&str> =
+        expected["file_columns"].as_array().unwrap().iter().map(|it| it.as_str().unwrap()).collect();
+    let columns: Vec<&str> = columns.into_iter().filter(|it| !coordinates.contains(it)).collect();
+    let found: Vec<&str> = particles.attributes().iter().map(|it| it.name.as_str()).collect();
+    assert_eq!(found, columns, "{name}");
+    for (end, place) in [("first", 0), ("last", particles.len() - 1)] {
+        for (theirs, value) in expected[end].as_object().unwrap() {
+            for (component, ours) in own_names(theirs).into_iter().enumerate() {
+                let wanted = value.as_f64().or(value[component].as_f64()).unwrap();
+                let found = particles.attribute(ours).unwrap().number(place, 0);
+                assert!(
+                    (found - wanted).abs() <= 1e-5 * wanted.abs(),
+                    "{name}: {end} {ours} is {found}, wanted {wanted}"
+                );
+            }
+        }
+    }
+    let (cell, matrix) = (particles.cell().unwrap(), &expected["cell_matrix_columns_a_b_c_origin"]);
+    for (edge, found) in cell.vectors.into_iter().chain([cell.origin]).enumerate() {
+        assert!(found.abs_diff_eq(vector(&matrix[edge]), 1e-5), "{name}: {found}, wanted {}", matrix[edge]);
+    }
+    let pbc: Vec<bool> = expected["pbc"].as_array().unwrap().iter().map(|it| it.as_bool().unwrap()).collect();
+    assert_eq!(cell.periodic.to_vec(), pbc, "{name}");
+    if let (Some(counts), Some(kind)) = (expected["type_counts"].as_object(), particles.attribute("type")) {
+        for (value, count) in counts {
+            let value: f64 = value.parse().unwrap();
+            let found = (0..particles.len()).filter(|&id| kind.number(id, 0) == value).count();
+            assert_eq!(found as u64, count.as_u64().unwrap(), "{name}: type {value}");
+        }
+    }
+}
+
+fn check_table(name: &str, particles: &Particles, expected: &Value) {
+    let places: Vec<u64> =
+        expected["position_columns"].as_array().unwrap().iter().map(|it| it.as_u64().unwrap()).collect();
+    let names = expected["attributes"].as_array().unwrap();
+    for (end, place) in [("first", 0), ("last", particles.len() - 1)] {
+        for (column, wanted) in expected[end].as_array().unwrap().iter().enumerate() {
+            let wanted = wanted.as_f64().unwrap();
+            let found = match places.iter().position(|&it| it == column as u64) {
+                Some(axis) => particles.positions().world(place)[axis],
+                None => particles.attribute(names[column].as_str().unwrap()).unwrap().number(place, 0),
+            };
+            assert!(
+                (found - wanted).abs() <= 1e-5 * wanted.abs().max(1.0),
+                "{name}: {end} {column} is {found}, wanted {wanted}"
+            );
+        }
+    }
+    assert_eq!(particles.attributes().len() + 3, names.len(), "{name}");
+}
+
+#[test]
+fn the_shared_files_hold_what_other_programs_find() {
+    let Some((folder, all)) = shared() else { return };
+    let text = ["csv/", "lammps/", "sph/", "xyz/"];
+    let mut count = 0;
+    for (name, entry) in all["files"].as_object().unwrap() {
+        let known =
+            text.iter().any(|it| name.starts_with(it)) && !name.ends_with(".data") && !name.ends_with(".bin");
+        if !known {
+            continue;
+        }
+        count += 1;
+        let expected = &entry["expected"];
+        let sequence = open(&folder.join(name));
+        assert_eq!(sequence.len() as u64, expected["frames"].as_u64().unwrap(), "{name}");
+        let first = frame(&sequence, 0);
+        assert!(first.warnings.is_empty(), "{name}: {:?}", first.warnings);
+        check_frame(name, &first.particles, expected);
+        if name.starts_with("csv/") {
+            check_table(name, &first.particles, expected);
+        } else if name.starts_with("lammps/") || name.starts_with("sph/") {
+            check_dump(name, &first.particles, expected);
+        }
+        if expected["last_frame"].is_object() {
+            let last = frame(&sequence, sequence.len() - 1);
+            check_frame(name, &last.particles, &expected["last_frame"]);
+        }
+        for (k, count) in expected["particles_per_frame"].as_array().into_iter().flatten().enumerate() {
+            assert_eq!(
+                frame(&sequence, k).particles.len() as u64,
+                count.as_u64().unwrap(),
+                "{name}: frame {k}"
+            );
+        }
+        if let Some(types) = expected["type_names"].as_object() {
+            let Values::Text { names, .. } = &first.particles.attribute("element").unwrap().values else {
+                panic!("{name}")
+            };
+            assert_eq!(names.len(), types.len(), "{name}");
+        }
+    }
+    assert_eq!(count, 13);
+}
+
+#[test]
+fn the_shared_extended_xyz_has_its_cell_and_attributes() {
+    let Some((folder, all)) = shared() else { return };
+    let name = "xyz/extended.xyz";
+    let expected = &all["files"][name]["expected"];
+    let sequence = open(&folder.join(name));
+    let first = frame(&sequence, 0).particles;
+    let names: Vec<&str> = first.attributes().iter().map(|it| it.name.as_str()).collect();
+    assert_eq!(names, ["species", "CS"]);
+    let cell = first.cell().unwrap();
+    for (edge, found) in cell.vectors.into_iter().enumerate() {
+        assert!(found.abs_diff_eq(vector(&expected["cell"][edge]), 1e-5), "{found}");
+    }
+    assert_eq!(cell.periodic, [true; 3]);
+    let last = frame(&sequence, 2).particles;
+    let kinds: Vec<(&str, usize, &str)> =
+        last.attributes().iter().map(|it| (it.name.as_str(), it.components, it.values.type_name())).collect();
+    assert_eq!(kinds, [("species", 1, "text"), ("bool", 1, "u8"), ("int", 1, "i32"), ("strings", 2, "text")]);
+}
+
+#[test]
+fn a_wrong_expectation_raises_the_alarm() {
+    let particles = frame(&open(&fixture("triclinic_scaled.dump")), 0).particles;
+    let bounds = serde_json::json!({"min": [0.0, 0.0, 0.0], "max": [1.0, 1.0, 1.0]});
+    let wrong = serde_json::json!({"particles": 3, "bounds": bounds});
+    let alarm = std::panic::catch_unwind(|| check_frame("altered", &particles, &wrong));
+    assert!(alarm.is_err());
+}
+
+#[test]
+fn known_formats_that_are_not_read_are_named() {
+    let Some((folder, _)) = shared() else { return };
+    let cases = [
+        ("cosmology/dm_halo.hdf5", "HDF5"),
+        ("cosmology/galaxy_littleendian.gadget1", "Gadget"),
+        ("cosmology/cube300.tipsy", "TIPSY"),
+        ("houdini/partio_test.geo", "GEO"),
+        ("lammps/lj_triclinic.dump.bin", "LAMMPS binary"),
+        ("lammps/peptide_full.data", "LAMMPS data"),
+        ("lammps/powerlaw_2d.data", "LAMMPS data"),
+        ("mmpld/test_xyz_float_none.mmpld", "MMPLD"),
+        ("molecular/1IHM_norwalk.pdb", "PDB"),
+        ("molecular/1M4X_capsid.pdb", "PDB"),
+        ("molecular/4hhb.cif", "mmCIF"),
+        ("molecular/adk_oplsaa.gro", "GRO"),
+        ("molecular/adk_oplsaa.xtc", "XTC"),
+        ("molecular/cu.h5md", "HDF5"),
+        ("molecular/example.gsd", "GSD"),
+        ("molecular/water.dcd", "DCD"),
+        ("molecular/water.nc", "NetCDF"),
+        ("molecular/water.trr", "TRR"),
+        ("partio/fluid50.pda", "PDA"),
+        ("pointcloud/1.2-with-color.las", "LAS"),
+        ("pointcloud/autzen_trim.laz", "LAZ"),
+        ("pointcloud/bunny.pcd", "PCD"),
+        ("pointcloud/five_people.pcd", "PCD"),
+        ("pointcloud/bunnyInt19.e57", "E57"),
+        ("pointcloud/xyzrgb.pts", "PTS"),
+        ("prt/fluid50.prt", "PRT"),
+        ("vtk/cube_8_particles.vtk", "VTK"),
+        ("vtk/dem_grains_zlib.vtp", "VTK"),
+        ("vtk/fluid_250_particles.vtu", "VTK"),
+    ];
+    for (name, format) in cases {
+        let error = Sequence::open(&[folder.join(name)], &Options::default()).err();
+        let error = error.unwrap_or_else(|| panic!("{name} was opened")).to_string();
+        assert!(error.contains("does not read yet") && error.contains(format), "{name}: {error}");
+    }
+    for name in ["molecular/2axd.bcif", "molecular/4HHB.mmtf", "partio/fluid50.ptc", "volume/hf.dx"] {
+        assert!(Sequence::open(&[folder.join(name)], &Options::default()).is_err(), "{name} was opened");
+    }
+}
