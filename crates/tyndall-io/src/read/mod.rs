@@ -273,6 +273,8 @@ mod tests {
         assert!(title("f.dat", &garbage).unwrap_err().contains("cannot tell the format"));
         let seven = title("foo.dat", b"1 2 3 4 5 6 7\n1 2 3 4 5 6 7\n").unwrap_err();
         assert!(seven.contains("foo.dat' (text, 7 columns, no header)"), "{seven}");
+        let words = title("atoms.dat", b"O 0 0 0\nH 0 0 1\n").unwrap_err();
+        assert!(words.contains("try: --columns element,x,y,z"), "{words}");
         assert!(seven.contains("try: --columns id,type,x,y,z,vx,vy or --format csv"), "{seven}");
     }
 
@@ -282,5 +284,16 @@ mod tests {
         let options = Options { format: Some("doc".to_string()), ..Options::default() };
         let error = recognise(&file.0, &options).err().unwrap().to_string();
         assert!(error.contains("format cannot be 'doc'") && error.contains("xyz"), "{error}");
+    }
+
+    #[test]
+    fn compressed_content_is_unpacked_whole_or_not_at_all() {
+        let bytes: Vec<u8> = (0..3_000_000u32).map(|k| (k.wrapping_mul(2654435761) >> 20) as u8).collect();
+        let packed =
+            ruzstd::encoding::compress_to_vec(&bytes[..], ruzstd::encoding::CompressionLevel::Fastest);
+        let file = Temporary::new("whole.zst", &packed);
+        assert!(unpacked(&file.0, Packing::Zstd).unwrap() == bytes);
+        let cut = Temporary::new("cut.zst", &packed[..packed.len() / 2]);
+        assert!(unpacked(&cut.0, Packing::Zstd).unwrap_err().to_string().contains("end early"));
     }
 }

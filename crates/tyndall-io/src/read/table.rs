@@ -75,10 +75,14 @@ pub(crate) fn unknown(path: &Path, head: &[u8]) -> Error {
                 None => "no header".to_string(),
             };
             let guess = ["id", "type", "x", "y", "z", "vx", "vy", "vz"];
-            let columns: Vec<String> = (0..shape.fields)
-                .map(|k| guess.get(k).map_or(format!("c{}", k + 1), |it| it.to_string()))
-                .collect();
-            let columns = if shape.fields < 5 { "x,y".to_string() } else { columns.join(",") };
+            let guess = match (shape.fields, shape.leading_numbers) {
+                (4, 0) => &["element", "x", "y", "z"][..],
+                (0..=4, _) => &["x", "y", "z", "radius"],
+                _ => &guess,
+            };
+            let name =
+                |column: usize| guess.get(column).map_or(format!("c{}", column + 1), |it| it.to_string());
+            let columns = (0..shape.fields).map(name).collect::<Vec<_>>().join(",");
             let known = if shape.even {
                 format!("text, {} columns, {header}", shape.fields)
             } else {

@@ -6,7 +6,7 @@
 use std::fs::File;
 use std::io::{BufRead, BufReader, Error, ErrorKind, Read, Result};
 
-use flate2::bufread::MultiGzDecoder;
+use flate2::bufread::GzDecoder;
 use ruzstd::decoding::errors::{FrameDecoderError, ReadFrameHeaderError};
 use ruzstd::decoding::{BlockDecodingStrategy, FrameDecoder};
 
@@ -49,9 +49,39 @@ impl Packing {
         let file = BufReader::with_capacity(1 << 18, file);
         match self {
             Self::Plain => Box::new(file),
-            Self::Gzip => Box::new(MultiGzDecoder::new(file)),
+            Self::Gzip => Box::new(Gzip { member: Some(GzDecoder::new(file)) }),
             Self::Zstd => Box::new(Zstd { file, decoder: FrameDecoder::new(), inside: false }),
         }
+    }
+}
+
+/// All members of a gzip file, one after the other. Zeros behind a member, with which tapes fill their blocks, are passed over.
+struct Gzip {
+    /// The member that is being read; `None` at the end.
+    member: Option<GzDecoder<BufReader<File>>>,
+}
+
+impl Read for Gzip {
+    fn read(&mut self, buffer: &mut [u8]) -> Result<usize> {
+        while let Some(member) = &mut self.member {
+            let count = member.read(buffer)?;
+            if count > 0 || buffer.is_empty() {
+                return Ok(count);
+            }
+            let file = member.get_mut();
+            let next = loop {
+                let bytes = file.fill_buf()?;
+                let zeros = bytes.iter().take_while(|&&byte| byte == 0).count();
+                if zeros < bytes.len() || bytes.is_empty() {
+                    let more = !bytes.is_empty();
+                    file.consume(zeros);
+                    break more;
+                }
+                file.consume(zeros);
+            };
+            self.member = self.member.take().filter(|_| next).map(|it| GzDecoder::new(it.into_inner()));
+        }
+        Ok(0)
     }
 }
 
@@ -137,6 +167,11 @@ mod tests {
     #[test]
     fn all_members_and_frames_are_read() {
         assert_eq!(unpacked("gz", &[gzip(b"one "), gzip(b"two")].concat()).unwrap(), b"one two");
+        assert_eq!(
+            unpacked("pad.gz", &[gzip(b"one "), vec![0; 512], gzip(b"two"), vec![0; 3]].concat()).unwrap(),
+            b"one two"
+        );
+        assert!(unpacked("tail.gz", &[gzip(b"one "), b"garbage behind it".to_vec()].concat()).is_err());
         let skippable = [0x50, 0x2a, 0x4d, 0x18, 3, 0, 0, 0, 9, 9, 9];
         let frames = [&skippable[..], &zstd(b"one "), &skippable, &zstd(b"two")].concat();
         assert_eq!(unpacked("zst", &frames).unwrap(), b"one two");
