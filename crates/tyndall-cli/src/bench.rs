@@ -19,12 +19,14 @@ use crate::args;
 use crate::render::structure;
 use crate::report::{Outcome, Report, bytes};
 
-const SIDE: u32 = 800;
-
 /// Measures every set at every count.
 pub(crate) fn run(args: &args::Bench, report: &Report) -> Outcome<()> {
     let args::BenchWhat::Spheres = args.what;
-    report.note(format_args!("tyndall {}, {} threads", env!("CARGO_PKG_VERSION"), rayon::current_num_threads()));
+    report.note(format_args!(
+        "tyndall {}, {} threads",
+        env!("CARGO_PKG_VERSION"),
+        rayon::current_num_threads()
+    ));
     let mut table = Table::new();
     for &count in &args.n {
         for set in &args.sets {
@@ -50,20 +52,27 @@ fn measure(set: &str, particles: &Particles, args: &args::Bench, report: &Report
     let build_secs = start.elapsed().as_secs_f64();
     let bytes_per_particle = structure.bytes() as f64 / particles.len().max(1) as f64;
     let colors = ParticleColors::constant([0.7; 3]);
-    let mut scene = Scene { spheres, structure, colors, lighting: Lighting::Headlight, background: Some([1.0; 3]) };
+    let mut scene =
+        Scene { spheres, structure, colors, lighting: Lighting::Headlight, background: Some([1.0; 3]) };
     let mut rows = Vec::new();
     for (name, projection) in PROJECTIONS {
         let camera = camera(projection);
-        let view = camera.view(particles.positions().origin(), SIDE, SIDE)?;
+        let view = camera.view(particles.positions().origin(), args.size.width, args.size.height)?;
         let studio = Lighting::studio(view.forward, view.right, view.up);
         let mut times = [0.0; 3];
         for (slot, (lighting, samples, runs)) in
             times.iter_mut().zip([(Lighting::Headlight, 1, 5), (Lighting::Headlight, 16, 3), (studio, 16, 3)])
         {
             scene.lighting = lighting;
-            *slot = median_secs(&scene, &camera, samples, runs, report.progress())?;
+            *slot = {
+                let settings =
+                    Settings { width: args.size.width, height: args.size.height, samples, seed: 0 };
+                median_secs(&scene, &camera, &settings, runs, report.progress())?
+            };
         }
-        rows.push(Row { set: set.into(), count: particles.len(), camera: name, build_secs, bytes_per_particle, times });
+        let pixels = f64::from(args.size.width) * f64::from(args.size.height);
+        let (set, count) = (set.into(), particles.len());
+        rows.push(Row { set, count, camera: name, build_secs, bytes_per_particle, times, pixels });
     }
     Ok(rows)
 }
@@ -79,12 +88,17 @@ fn camera(projection: Projection) -> Camera {
     Camera { eye, look_at, up: DVec3::Z, projection }
 }
 
-fn median_secs(scene: &Scene, camera: &Camera, samples: u32, runs: usize, progress: &dyn Progress) -> Outcome<f64> {
-    let settings = Settings { width: SIDE, height: SIDE, samples, seed: 0 };
+fn median_secs(
+    scene: &Scene,
+    camera: &Camera,
+    settings: &Settings,
+    runs: usize,
+    progress: &dyn Progress,
+) -> Outcome<f64> {
     let mut times = Vec::with_capacity(runs);
     for _ in 0..runs {
         let start = Instant::now();
-        render(scene, camera, &settings, progress)?;
+        render(scene, camera, settings, progress)?;
         times.push(start.elapsed().as_secs_f64());
     }
     times.sort_by(f64::total_cmp);
@@ -99,6 +113,7 @@ struct Row {
     build_secs: f64,
     bytes_per_particle: f64,
     times: [f64; 3],
+    pixels: f64,
 }
 
 /// Cells, aligned when printed.
@@ -108,13 +123,23 @@ struct Table {
 
 impl Table {
     fn new() -> Self {
-        let head = ["set", "particles", "camera", "build s", "B/particle", "1 sample ms", "16 samples ms", "Msamples/s",
-            "default look 16 ms", "Msamples/s"];
+        let head = [
+            "set",
+            "particles",
+            "camera",
+            "build s",
+            "B/particle",
+            "1 sample ms",
+            "16 samples ms",
+            "Msamples/s",
+            "default look 16 ms",
+            "Msamples/s",
+        ];
         Self { rows: vec![head.map(String::from).to_vec()] }
     }
 
     fn add(&mut self, row: Row) {
-        let million_samples = 16.0 * f64::from(SIDE) * f64::from(SIDE) * 1e-6;
+        let million_samples = 16e-6 * row.pixels;
         let [one, sixteen, look] = row.times;
         let millis = |secs: f64| format!("{:.1}", 1e3 * secs);
         let rate = |secs: f64| format!("{:.1}", million_samples / secs);
@@ -127,13 +152,18 @@ impl Table {
     /// Markdown: words to the left, numbers to the right.
     fn text(&self) -> String {
         let columns = self.rows[0].len();
-        let width = |column: usize| self.rows.iter().map(|row| row[column].chars().count()).max().unwrap_or(0);
+        let width =
+            |column: usize| self.rows.iter().map(|row| row[column].chars().count()).max().unwrap_or(0);
         let is_word = |column: usize| column == 0 || column == 2;
         let mut text = String::new();
         for (place, row) in self.rows.iter().enumerate() {
             for (column, cell) in row.iter().enumerate() {
                 let width = width(column);
-                text += &if is_word(column) { format!("| {cell:<width$} ") } else { format!("| {cell:>width$} ") };
+                text += &if is_word(column) {
+                    format!("| {cell:<width$} ")
+                } else {
+                    format!("| {cell:>width$} ")
+                };
             }
             text += "|\n";
             if place == 0 {

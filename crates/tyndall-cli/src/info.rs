@@ -5,7 +5,7 @@ use tyndall::scene::{grouped, short};
 use tyndall_io::{Frame, Sequence};
 
 use crate::args;
-use crate::report::{Outcome, Report};
+use crate::report::{Outcome, Report, counted};
 use crate::values::frame as frame_number;
 use crate::{input, json};
 
@@ -23,16 +23,13 @@ pub(crate) fn run(args: &args::Info, report: &Report) -> Outcome<()> {
 /// A few lines for people.
 fn text(sequence: &Sequence, number: usize, frame: &Frame) -> String {
     let particles = &frame.particles;
-    let frames = match sequence.len() {
-        1 => "1 frame".to_string(),
-        count => format!("{} frames", grouped(count)),
-    };
+    let frames = counted(sequence.len(), "frame");
     let files = match sequence.paths() {
         [_] => String::new(),
         paths => format!(" in {} files", grouped(paths.len())),
     };
     let mut lines =
-        vec![format!("{} · {frames}{files} · {} particles", sequence.format(), grouped(particles.len()))];
+        vec![format!("{} · {frames}{files} · {}", sequence.format(), counted(particles.len(), "particle"))];
     if sequence.len() > 1 {
         lines.push(format!("frame {number}: {}", sequence.name(number)));
     }
@@ -68,14 +65,16 @@ fn cell(particles: &Particles) -> Option<String> {
     let along_axes = (0..3).all(|axis| (0..3).all(|other| axis == other || edge(axis)[other] == 0.0));
     let kind = if along_axes { "orthogonal" } else { "triclinic" };
     let edges: Vec<String> = (0..3).map(|axis| short(edge(axis).length())).collect();
-    let repeats: Vec<&str> = cell.periodic.iter().map(|&periodic| if periodic { "pp" } else { "ff" }).collect();
+    let repeats: Vec<&str> =
+        cell.periodic.iter().map(|&periodic| if periodic { "pp" } else { "ff" }).collect();
     let unit = particles.length_unit().map_or(String::new(), |unit| format!(" {unit}"));
     Some(format!("cell {kind} {}{unit} {}", edges.join("×"), repeats.join(" ")))
 }
 
 /// A column's name, type and unit: `vel f32[3] m/s`.
 fn column(attribute: &Attribute) -> String {
-    let components = if attribute.components == 1 { String::new() } else { format!("[{}]", attribute.components) };
+    let components =
+        if attribute.components == 1 { String::new() } else { format!("[{}]", attribute.components) };
     let unit = attribute.unit.as_ref().map_or(String::new(), |unit| format!(" {unit}"));
     format!("{} {}{components}{unit}", attribute.name, attribute.values.type_name())
 }

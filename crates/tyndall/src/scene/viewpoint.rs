@@ -4,7 +4,7 @@
 
 use std::str::FromStr;
 
-use glam::DVec3;
+use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
 use super::camera::{Camera, Projection, View, corners, usable_up};
@@ -84,11 +84,9 @@ pub struct Viewpoint {
 impl Viewpoint {
     /// The camera that shows `bounds` (measured from `origin`) in a picture of that `aspect`, width over height.
     pub fn camera(&self, bounds: &Bounds, origin: DVec3, aspect: f64) -> Camera {
-        let all = corners(bounds, origin);
-        let (corners, center) = match bounds.is_empty() {
-            true => (&all[..0], origin),
-            false => (&all[..], origin + bounds.center().as_dvec3()),
-        };
+        // Nothing to show has a camera too, so that it can be said why there is nothing.
+        let shown = if bounds.is_empty() { Bounds { min: Vec3::NEG_ONE, max: Vec3::ONE } } else { *bounds };
+        let (corners, center) = (corners(&shown, origin), origin + shown.center().as_dvec3());
         let target = self.look_at.unwrap_or(center);
         let direction = self.eye.map_or(self.side.direction, |eye| target - eye);
         let up = self.up.unwrap_or_else(|| usable_up(direction.normalize_or(DVec3::Y), self.side.up));
@@ -96,7 +94,7 @@ impl Viewpoint {
             Lens::Perspective { vertical_angle } => Some(vertical_angle),
             Lens::Orthographic { .. } => None,
         };
-        let mut camera = Camera::framing(center, corners, direction, up, aspect, angle);
+        let mut camera = Camera::framing(center, &corners, direction, up, aspect, angle);
         match self.eye {
             Some(eye) => (camera.eye, camera.look_at) = (eye, target),
             None if self.look_at.is_some() => {
@@ -124,10 +122,9 @@ pub fn why_unseen(spheres: Spheres, view: &View) -> String {
         };
     }
     let largest = (0..all).into_par_iter().filter_map(|id| size_in_view(spheres, view, id));
-    let (count, largest) = largest.fold(|| (0, 0.0_f64), |a, px| (a.0 + 1, a.1.max(px))).reduce(
-        || (0, 0.0),
-        |a, b| (a.0 + b.0, a.1.max(b.1)),
-    );
+    let (count, largest) = largest
+        .fold(|| (0, 0.0_f64), |a, px| (a.0 + 1, a.1.max(px)))
+        .reduce(|| (0, 0.0), |a, b| (a.0 + b.0, a.1.max(b.1)));
     let all = grouped(all);
     if count > 0 {
         return format!(
@@ -156,7 +153,8 @@ fn size_in_view(spheres: Spheres, view: &View, id: usize) -> Option<f64> {
     let depth = offset.dot(view.forward);
     let scale = if view.perspective { depth } else { 1.0 };
     let within = |along: f32, half: f32| along.abs() - radius <= half.abs() * scale;
-    let seen = depth > 0.0 && within(offset.dot(view.right), view.left) && within(offset.dot(view.up), view.top);
+    let seen =
+        depth > 0.0 && within(offset.dot(view.right), view.left) && within(offset.dot(view.up), view.top);
     seen.then(|| f64::from(radius) / f64::from(view.pixel * scale))
 }
 
@@ -164,7 +162,6 @@ fn size_in_view(spheres: Spheres, view: &View, id: usize) -> Option<f64> {
 mod tests {
     use super::*;
     use crate::particles::{Columns, Particles, Radii};
-    use glam::Vec3;
 
     fn viewpoint() -> Viewpoint {
         let lens = Lens::Perspective { vertical_angle: 0.6 };
@@ -192,7 +189,9 @@ mod tests {
                 let side: Side = side.parse().unwrap();
                 let camera = Viewpoint { side, lens, ..viewpoint() }.camera(&BOX, far, 1.5);
                 assert!(camera.look_at.abs_diff_eq(far, 1e-6));
-                assert!((camera.look_at - camera.eye).normalize().abs_diff_eq(side.direction.normalize(), 1e-9));
+                assert!(
+                    (camera.look_at - camera.eye).normalize().abs_diff_eq(side.direction.normalize(), 1e-9)
+                );
                 let view = camera.view(far, 30, 20).unwrap();
                 for corner in corners(&BOX, DVec3::ZERO) {
                     let offset = corner.as_vec3() - view.eye;
