@@ -112,9 +112,6 @@ pub(crate) enum OnBad {
 pub(crate) struct Render {
     #[command(flatten)]
     pub(crate) input: Input,
-    /// The picture; its extension says which kind: .png .exr. With a number for several: %04d, #### or $F4
-    #[arg(short, long, value_name = "OUT")]
-    pub(crate) output: PathBuf,
     #[command(flatten)]
     pub(crate) picture: Picture,
     #[command(flatten)]
@@ -133,6 +130,9 @@ pub(crate) struct Render {
 #[derive(Args)]
 #[command(next_help_heading = "Picture")]
 pub(crate) struct Picture {
+    /// The picture; its extension says which kind: .png .exr. With a number for several: %04d, #### or $F4
+    #[arg(short, long, value_name = "OUT")]
+    pub(crate) output: PathBuf,
     /// Pixels across and down
     #[arg(long, value_name = "WxH", default_value = "1920x1080")]
     pub(crate) size: Size,

@@ -14,7 +14,7 @@ use tyndall::scene::camera::{Camera, VERTICAL_ANGLE};
 use tyndall::scene::color::{ParticleColors, resolve};
 use tyndall::scene::coloring::{Norm, Range};
 use tyndall::scene::light::Lighting;
-use tyndall::scene::viewpoint::{Lens, Viewpoint, why_unseen};
+use tyndall::scene::viewpoint::{Lens, Viewpoint, too_small, why_unseen};
 use tyndall::scene::{Scene, short};
 use tyndall::structure::{Kind, Spheres, Structure, pkd};
 use tyndall::{Error, Image};
@@ -98,7 +98,7 @@ impl<'a> Job<'a> {
             structure: structure(&args.method.structure),
             viewpoint,
             background: if *alpha { None } else { background.0 },
-            pattern: Pattern::new(&args.output),
+            pattern: Pattern::new(&args.picture.output),
         })
     }
 
@@ -137,7 +137,7 @@ impl<'a> Job<'a> {
             ));
         }
         if pictures > 1 && !self.pattern.is_numbered() {
-            let path = self.args.output.display();
+            let path = self.args.picture.output.display();
             let allowed = format!("{pictures} pictures need a number in the name, such as NAME.%04d.png");
             return Err(Error::setting("-o", path, allowed).into());
         }
@@ -251,6 +251,11 @@ impl<'a> Job<'a> {
         let guesses = self.guesses(&conventions, spheres, &radius_text, &colors, &framing_text);
         if is_first {
             self.report.note(format_args!("tyndall: {}", guesses.join(" · ")));
+            let Settings { width, height, .. } = self.settings;
+            let view = camera.view(particles.positions().origin(), width, height)?;
+            if let Some(warning) = too_small(spheres, &view) {
+                self.report.warn(&warning);
+            }
             let range =
                 colors.legend.as_ref().map(|legend| (legend.norm, Range::Given(legend.low, legend.high)));
             let uniform = matches!(radii, Radii::Uniform(_)).then(|| radii.clone());

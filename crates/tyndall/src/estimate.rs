@@ -15,11 +15,11 @@ const RECORD_BYTES: u64 = 20;
 /// Memory of a pixel: sums, depth, id, and the same in the finished picture, and its bytes on their way to the file.
 const PIXEL_BYTES: u64 = 72;
 /// Time of a particle in a build, in seconds of a core.
-const BUILD_SECS: f64 = 0.6e-6;
+const BUILD_SECS: f64 = 0.3e-6;
 /// Time of a sample of a headlight or flat picture, in seconds of a core.
-const PRIMARY_SECS: f64 = 0.12e-6;
+const PRIMARY_SECS: f64 = 0.04e-6;
 /// Time of a sample with a shadow ray and a sky ray, in seconds of a core.
-const TRACED_SECS: f64 = 1.2e-6;
+const TRACED_SECS: f64 = 0.2e-6;
 
 /// The work of one picture.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -8,13 +8,18 @@ use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
 use super::camera::{Camera, Projection, View, corners, usable_up};
-use super::statistics::{grouped, short};
+use super::statistics::{grouped, sampled_ids, short};
 use crate::error::{Error, Result};
 use crate::math::Bounds;
 use crate::structure::Spheres;
 
 /// Where the camera looks if nobody says so: from the front right, and from above.
 pub const DIRECTION: DVec3 = DVec3::new(-2.0, -1.3, -1.0);
+
+/// Particles with a smaller radius are smaller than the distance of 64 samples.
+const SMALL_PX: f64 = 0.1;
+/// At most so many particles are looked at to find how small they are.
+const SAMPLES: usize = 1_000_000;
 
 /// A side to look from, or the default.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -147,6 +152,31 @@ pub fn why_unseen(spheres: Spheres, view: &View) -> String {
     )
 }
 
+/// What the user should know about particles so small in the picture that samples miss most of them; `None` if at most a tenth
+/// are. Looks at a sample of the particles.
+pub fn too_small(spheres: Spheres, view: &View) -> Option<String> {
+    let ids = sampled_ids(spheres.len(), SAMPLES).filter_map(|id| {
+        let px = size_in_view(spheres, view, id)?;
+        Some((1_usize, usize::from(px < SMALL_PX), spheres.radius(id), spheres.radius(id)))
+    });
+    let none = || (0, 0, f32::INFINITY, 0.0_f32);
+    let (seen, small, least, greatest) =
+        ids.reduce(none, |a, b| (a.0 + b.0, a.1 + b.1, a.2.min(b.2), a.3.max(b.3)));
+    if seen == 0 || 10 * small <= seen {
+        return None;
+    }
+    let (least, greatest) = (short(least.into()), short(greatest.into()));
+    let share = short((100.0 * small as f64 / seen as f64).round());
+    let which = if least == greatest {
+        format!("{share} % of the particles in view have a radius")
+    } else {
+        format!("radii span {least}..{greatest}; {share} % of those in view are")
+    };
+    Some(format!(
+        "{which} under {SMALL_PX} pixel, so that samples miss most of them (--radius-scale, --samples, --size)"
+    ))
+}
+
 /// The radius in pixels of particle `id`, if it may be seen in some pixel.
 fn size_in_view(spheres: Spheres, view: &View, id: usize) -> Option<f64> {
     let (offset, radius) = (spheres.center(id) - view.eye, spheres.radius(id));
@@ -161,7 +191,7 @@ fn size_in_view(spheres: Spheres, view: &View, id: usize) -> Option<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::particles::{Columns, Particles, Radii};
+    use crate::particles::{Attribute, Columns, Particles, Radii, Values};
 
     fn viewpoint() -> Viewpoint {
         let lens = Lens::Perspective { vertical_angle: 0.6 };
@@ -222,5 +252,29 @@ mod tests {
         assert!(past.starts_with("0 of 2 particles are in view — ") && past.contains("x 0..1"), "{past}");
         let small = why(DVec3::X * -20.0, 1e-6);
         assert!(small.starts_with("2 of 2 particles are in view but"), "{small}");
+    }
+
+    #[test]
+    fn particles_that_samples_miss_are_told() {
+        let mut columns = Columns::default();
+        columns.positions.extend(&[DVec3::ZERO, DVec3::ONE, DVec3::X]);
+        let values = Values::F32(vec![2e-6, 1e-6, 0.5]);
+        columns.attributes.push(Attribute::new("radius", 1, values));
+        let particles = Particles::new(columns).unwrap();
+        let view =
+            viewpoint().camera(&BOX, DVec3::ZERO, 1.0).view(particles.positions().origin(), 10, 10).unwrap();
+        let told =
+            |radii: &Radii| too_small(Spheres { particles: &particles, radii, radius_scale: 1.0 }, &view);
+        let spread = told(particles.radii().unwrap()).unwrap();
+        assert!(
+            spread.starts_with("radii span 1e-6..0.5; 67 % of those in view are under 0.1 pixel"),
+            "{spread}"
+        );
+        assert!(
+            told(&Radii::Uniform(1e-5))
+                .unwrap()
+                .starts_with("100 % of the particles in view have a radius under")
+        );
+        assert_eq!(told(&Radii::Uniform(0.2)), None);
     }
 }
