@@ -83,8 +83,11 @@ impl Positions {
     pub fn decimal(&self, axis: usize, offset: f32) -> f64 {
         let origin = self.origin()[axis];
         let exact = origin + f64::from(offset);
-        let with_digits = |digits: usize| format!("{exact:.digits$e}").parse().unwrap_or(exact);
-        (0..17).map(with_digits).find(|number: &f64| (number - origin) as f32 == offset).unwrap_or(exact)
+        // Decimals first: a coordinate that is 0 but for rounding has no leading digit to begin with. Adding 0 makes -0 positive.
+        let decimals = (0..17).map(|digits| format!("{exact:.digits$}"));
+        let leading = (0..17).map(|digits| format!("{exact:.digits$e}"));
+        let numbers = decimals.chain(leading).filter_map(|text| text.parse().ok());
+        numbers.map(|it: f64| it + 0.0).find(|it| (it - origin) as f32 == offset).unwrap_or(exact)
     }
 
     /// The position of particle `id` in the coordinates of its file.
@@ -525,6 +528,9 @@ mod tests {
             assert!(error.max_element() < 1e-6, "{told}");
         }
         assert_eq!(particles.world_position(0)[0], 0.8);
+        let around = Positions::from_offsets(DVec3::splat(0.8), [vec![-0.8], vec![2e20], vec![-0.8 + 1e-7]]);
+        assert_eq!((around.decimal(0, -0.8).to_bits(), around.decimal(1, 2e20)), (0, 2e20));
+        assert_eq!(around.decimal(2, -0.8_f32.next_down()), 1e-7);
         let [min, max] = particles.world_bounds().unwrap();
         assert_eq!((min[0], min[1], max[1]), (0.1, 1230.001, 1234.567));
         assert_eq!(particles.bytes(), 2 * (12 + 4));
