@@ -51,7 +51,8 @@ impl Camera {
         let up = usable_up(forward, up);
         let right = forward.cross(up).normalize();
         let screen_up = right.cross(forward);
-        let radius = corners.iter().map(|corner| corner.distance(center)).fold(0.0, f64::max).max(f64::MIN_POSITIVE);
+        let radius =
+            corners.iter().map(|corner| corner.distance(center)).fold(0.0, f64::max).max(f64::MIN_POSITIVE);
         let mut low = [f64::INFINITY; 2];
         let mut high = [f64::NEG_INFINITY; 2];
         for corner in corners {
@@ -112,12 +113,18 @@ impl Camera {
             .cross(self.up)
             .try_normalize()
             .filter(|_| forward.cross(self.up.normalize_or_zero()).length() > 1e-9)
-            .ok_or_else(|| Error::setting("up", self.up, "a direction that is not along the line of sight"))?;
+            .ok_or_else(|| {
+                Error::setting("up", self.up, "a direction that is not along the line of sight")
+            })?;
         let up = right.cross(forward);
         let (half_height, perspective) = match self.projection {
             Projection::Perspective { vertical_angle } => {
                 if !(vertical_angle > 0.0 && vertical_angle < std::f64::consts::PI) {
-                    return Err(Error::setting("fov", vertical_angle.to_degrees(), "between 0 and 180 degrees"));
+                    return Err(Error::setting(
+                        "fov",
+                        vertical_angle.to_degrees(),
+                        "between 0 and 180 degrees",
+                    ));
                 }
                 ((0.5 * vertical_angle).tan(), true)
             }
@@ -208,10 +215,9 @@ mod tests {
 
     #[test]
     fn the_middle_of_the_picture_is_what_the_camera_looks_at() {
-        for projection in [
-            Projection::Perspective { vertical_angle: 0.6 },
-            Projection::Orthographic { height: 3.0 },
-        ] {
+        for projection in
+            [Projection::Perspective { vertical_angle: 0.6 }, Projection::Orthographic { height: 3.0 }]
+        {
             let camera = Camera {
                 eye: DVec3::new(1.0, 2.0, 3.0),
                 look_at: DVec3::new(4.0, -1.0, 2.5),

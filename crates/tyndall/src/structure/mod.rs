@@ -177,7 +177,8 @@ impl Brute {
 
     /// See [`Structure::bounds`].
     pub fn bounds(&self) -> Bounds {
-        let boxes = self.spheres.iter().map(|&(center, radius)| Bounds { min: center, max: center }.grown(radius));
+        let boxes =
+            self.spheres.iter().map(|&(center, radius)| Bounds { min: center, max: center }.grown(radius));
         boxes.fold(Bounds::EMPTY, Bounds::union)
     }
 
@@ -188,10 +189,6 @@ impl Brute {
         })
     }
 }
-
-/// What the rounding of [`enter_sphere`] can add to the size of a sphere, relative to its distance: 32 units in the last place.
-/// Boxes are grown by it, so that no structure loses a grazing hit that brute force finds.
-pub(crate) const HIT_ROUNDING: f32 = 2.0e-6;
 
 /// What the rounding of decoded boxes can lose, relative to the largest coordinate: 8 units in the last place.
 pub(crate) const BOX_ROUNDING: f32 = 5.0e-7;

@@ -3,9 +3,7 @@
 //! A film tile of 32 x 32 pixels is the unit of work. A pass finds what its rays meet (the tile sample buffer of `tiles` for the
 //! hierarchy, a ray each for other structures), then lights it, sixteen pixels of one class at a time.
 
-mod rays;
 mod shadows;
-mod simd;
 mod tiles;
 
 use fearless_simd::{Level, Simd, dispatch, f32x16, prelude::*};
@@ -20,8 +18,8 @@ use crate::progress::Progress;
 use crate::scene::Scene;
 use crate::scene::camera::View;
 use crate::scene::light::Lighting;
+use crate::simd::Lanes3;
 use crate::structure::Structure;
-use self::simd::Lanes3;
 use shadows::Points;
 use tiles::{BLOCKS, Beam, EDGE, Entry, RAYS, Tile, block_at};
 
@@ -57,9 +55,11 @@ impl Film {
         let across = width.div_ceil(FILM_EDGE as u32);
         let down = height.div_ceil(FILM_EDGE as u32);
         let mut corners: Vec<(u32, u32)> = (0..down).flat_map(|y| (0..across).map(move |x| (x, y))).collect();
-        corners.sort_by_key(|&(x, y)| (0..16).fold(0_u64, |key, bit| {
-            key | u64::from(x >> bit & 1) << (2 * bit) | u64::from(y >> bit & 1) << (2 * bit + 1)
-        }));
+        corners.sort_by_key(|&(x, y)| {
+            (0..16).fold(0_u64, |key, bit| {
+                key | u64::from(x >> bit & 1) << (2 * bit) | u64::from(y >> bit & 1) << (2 * bit + 1)
+            })
+        });
         let tiles = corners.into_iter().map(|(x, y)| FilmTile {
             x: x * FILM_EDGE as u32,
             y: y * FILM_EDGE as u32,
@@ -193,7 +193,16 @@ fn render_film_tile<S: Simd>(simd: S, pass: &Pass, film_tile: &mut FilmTile, scr
                 for area_y in (0..tile_px).step_by(PATTERN) {
                     for area_x in (0..tile_px).step_by(PATTERN) {
                         for class in 0..CLASSES {
-                            shade_class(simd, pass, (area_x, area_y), sample, class, (x, y), film_tile, scratch);
+                            shade_class(
+                                simd,
+                                pass,
+                                (area_x, area_y),
+                                sample,
+                                class,
+                                (x, y),
+                                film_tile,
+                                scratch,
+                            );
                         }
                     }
                 }

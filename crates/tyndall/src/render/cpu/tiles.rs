@@ -4,16 +4,15 @@
 //! 4 x 4. The walk goes front to back; it skips what starts behind the deepest ray of all blocks that it touches, projects the
 //! sixteen particles of a leaf at once, and tests a particle against the sixteen rays of each block it touches in one step.
 //! Result: the same depth and id, bit for bit, that a ray each would find. Boxes and particles are grown by the rounding of the
-//! hit formula before anything is skipped (see `structure::HIT_ROUNDING`).
+//! hit formula before anything is skipped (see `math::HIT_ROUNDING`).
 
 use fearless_simd::{f32x16, prelude::*, u32x16};
 use fearless_simd_macros::simd;
 use glam::Vec3;
 
-use super::simd::{Ball, Lanes3, Reach, child_of, decode, enter_sphere, grown, radii};
-use crate::math::Ray;
+use crate::math::{HIT_ROUNDING, Ray};
 use crate::scene::camera::View;
-use crate::structure::HIT_ROUNDING;
+use crate::simd::{Ball, Lanes3, Reach, enter_sphere, grown};
 use crate::structure::bvh::{Bvh, LEAF, LEAF_BIT, Leaf, Node};
 
 /// Blocks along a tile's edge, blocks in a tile, rays in a block.
@@ -66,7 +65,8 @@ impl Tile {
     #[inline(always)]
     pub(super) fn ray(&self, view: &View, block: usize, lane: usize) -> Ray {
         let varying = Vec3::from_array(std::array::from_fn(|axis| self.varying[block][axis][lane]));
-        let (origin, direction) = if view.perspective { (view.eye, varying) } else { (varying, view.forward) };
+        let (origin, direction) =
+            if view.perspective { (view.eye, varying) } else { (varying, view.forward) };
         Ray { origin, direction, t_min: 0.0, t_max: f32::INFINITY }
     }
 
@@ -78,7 +78,15 @@ impl Tile {
 
     /// Tests the particle against the sixteen rays of `block` and keeps what is nearer; equally near, the smaller id.
     #[simd]
-    fn test<S: Simd>(&mut self, simd: S, view: &View, block: usize, center: Vec3, radius_sq: f32, id: u32) -> bool {
+    fn test<S: Simd>(
+        &mut self,
+        simd: S,
+        view: &View,
+        block: usize,
+        center: Vec3,
+        radius_sq: f32,
+        id: u32,
+    ) -> bool {
         let varying = Lanes3::load(simd, &self.varying[block]);
         let (to_center, direction) = if view.perspective {
             (Lanes3::splat(simd, center - view.eye), varying)
@@ -142,7 +150,15 @@ impl Beam {
         if view.perspective {
             let along = (view.forward + view.right * middle_u + view.up * middle_v).normalize();
             let across = [right - shift[0] * view.forward, down - shift[1] * view.forward];
-            Self { eye: view.eye, across, shift: [0.0; 2], along, forward: view.forward, perspective: true, spread: 0.0 }
+            Self {
+                eye: view.eye,
+                across,
+                shift: [0.0; 2],
+                along,
+                forward: view.forward,
+                perspective: true,
+                spread: 0.0,
+            }
         } else {
             let across = [right, down];
             Self {
@@ -232,7 +248,14 @@ pub(super) struct Entry {
 
 /// Finds what every ray of the tile meets. `stack` is scratch.
 #[simd]
-pub(super) fn walk<S: Simd>(simd: S, bvh: &Bvh, view: &View, beam: &Beam, tile: &mut Tile, stack: &mut Vec<Entry>) {
+pub(super) fn walk<S: Simd>(
+    simd: S,
+    bvh: &Bvh,
+    view: &View,
+    beam: &Beam,
+    tile: &mut Tile,
+    stack: &mut Vec<Entry>,
+) {
     stack.clear();
     if !bvh.nodes.is_empty() {
         stack.push(Entry { near: 0.0, child: 0, quads: 0b1111 });
@@ -253,11 +276,10 @@ pub(super) fn walk<S: Simd>(simd: S, bvh: &Bvh, view: &View, beam: &Beam, tile: 
 #[simd]
 fn push_children<S: Simd>(simd: S, bvh: &Bvh, node: &Node, beam: &Beam, tile: &Tile, stack: &mut Vec<Entry>) {
     let margin = HIT_ROUNDING * beam.spread + bvh.slack;
-    let (center, half) = decode(simd, node, beam.eye, margin);
+    let (center, half) = node.decode(simd, beam.eye, margin);
     let shadow = project(simd, beam, center, half);
     let quads = shadow.open_quads(simd, tile);
-    let existing = (1u32 << (node.node_count + node.leaf_count)) - 1;
-    let mut kept = (quads[0] | quads[1] | quads[2] | quads[3]) & existing;
+    let mut kept = (quads[0] | quads[1] | quads[2] | quads[3]) & node.existing();
     let near = shadow.near.to_array();
     let first = stack.len();
     while kept != 0 {
@@ -267,7 +289,7 @@ fn push_children<S: Simd>(simd: S, bvh: &Bvh, node: &Node, beam: &Beam, tile: &T
         for (quad, open) in quads.iter().enumerate() {
             mask |= (open >> child & 1) << quad;
         }
-        let entry = Entry { near: near[child], child: child_of(node, child), quads: mask as u8 };
+        let entry = Entry { near: near[child], child: node.child(child), quads: mask as u8 };
         // Insertion sort: at most eight, far before near.
         stack.push(entry);
         let mut place = stack.len() - 1;
@@ -284,7 +306,7 @@ fn push_children<S: Simd>(simd: S, bvh: &Bvh, node: &Node, beam: &Beam, tile: &T
 fn draw_leaf<S: Simd>(simd: S, bvh: &Bvh, place: usize, view: &View, beam: &Beam, tile: &mut Tile) {
     let leaf: &Leaf = &bvh.leaves[place];
     // Project the sixteen particles at once.
-    let radius = radii(simd, bvh, place);
+    let radius = bvh.radii(simd, place);
     let center = Lanes3::load(simd, &leaf.center).minus(Lanes3::splat(simd, beam.eye));
     let shadow = project(simd, beam, center, Ball(grown(simd, radius, center, beam.spread)));
     let quads = shadow.open_quads(simd, tile);
