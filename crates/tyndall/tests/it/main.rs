@@ -1,0 +1,4 @@
+//! Tests through the front door.
+
+mod closed_form;
+mod layers;
