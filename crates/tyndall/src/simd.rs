@@ -33,6 +33,14 @@ impl<V> Lanes3<V> {
     }
 
     #[inline(always)]
+    pub(crate) fn plus<S: Simd>(self, other: Self) -> Self
+    where
+        V: SimdFloat<S, Element = f32>,
+    {
+        Self { x: self.x + other.x, y: self.y + other.y, z: self.z + other.z }
+    }
+
+    #[inline(always)]
     pub(crate) fn times<S: Simd>(self, factor: V) -> Self
     where
         V: SimdFloat<S, Element = f32>,

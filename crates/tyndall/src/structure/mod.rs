@@ -67,6 +67,8 @@ pub struct Hit {
     pub t: f32,
     /// Which particle.
     pub id: u32,
+    /// Its place in the structure.
+    pub node: u32,
 }
 
 impl Hit {
@@ -131,6 +133,19 @@ impl Structure {
         }
     }
 
+    /// Center and radius of the particle at `node`, and its id.
+    #[inline(always)]
+    pub fn sphere(&self, node: u32) -> (Vec3, f32, u32) {
+        match self {
+            Self::Bvh(bvh) => bvh.sphere(node),
+            Self::Pkd(pkd) => pkd.sphere(node),
+            Self::Brute(brute) => {
+                let (center, radius) = brute.spheres[node as usize];
+                (center, radius, node)
+            }
+        }
+    }
+
     /// The box of all particles, radii included.
     pub fn bounds(&self) -> Bounds {
         match self {
@@ -185,7 +200,7 @@ impl Brute {
     fn hits(&self, ray: &Ray, except: Option<u32>) -> impl Iterator<Item = Hit> {
         (0u32..).zip(&self.spheres).filter_map(move |(id, &(center, radius))| {
             let t = enter_sphere(ray, center, radius);
-            (t < ray.t_max && except != Some(id)).then_some(Hit { t, id })
+            (t < ray.t_max && except != Some(id)).then_some(Hit { t, id, node: id })
         })
     }
 }

@@ -126,7 +126,7 @@ impl Pkd {
             let within = Ray { t_max: ray.t_max.next_up().min(t_max), ..*ray };
             let t = enter_sphere(&within, pkd.center(node), pkd.radius(node));
             if t < within.t_max && except != Some(pkd.id[node]) {
-                Hit::keep_nearer(&mut best, Hit { t, id: pkd.id[node] });
+                Hit::keep_nearer(&mut best, Hit { t, id: pkd.id[node], node: node as u32 });
                 // Clip the ray to the nearest hit: what is behind it is hidden.
                 ray.t_max = best.map_or(ray.t_max, |best: Hit| best.t);
             }
@@ -144,6 +144,13 @@ impl Pkd {
             found
         });
         found
+    }
+
+    /// See [`super::Structure::sphere`].
+    #[inline(always)]
+    pub fn sphere(&self, node: u32) -> (Vec3, f32, u32) {
+        let node = node as usize;
+        (self.center(node), self.radius(node), self.id[node])
     }
 
     /// The box of all particles, each as large as the largest.

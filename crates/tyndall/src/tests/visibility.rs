@@ -10,7 +10,7 @@ use crate::scene::camera::Camera;
 use crate::scene::color::ParticleColors;
 use crate::scene::light::Lighting;
 use crate::structure::pkd::{Axis, Options, Order};
-use crate::structure::{Brute, Kind, Spheres, Structure};
+use crate::structure::{Brute, Hit, Kind, Spheres, Structure};
 use fearless_simd::{Level, Simd};
 use glam::Vec3;
 

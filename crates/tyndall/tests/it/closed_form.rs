@@ -13,10 +13,9 @@ use tyndall::{DVec3, Image, Vec3};
 
 /// Renders spheres (center, radius 1 unless told) seen along -z from z = 10, orthographic, four units high.
 fn picture(centers: &[DVec3], radius: f32, lighting: Lighting, samples: u32) -> Image {
-    let mut columns = Columns::default();
-    columns.positions = Positions::around(DVec3::ZERO);
-    columns.positions.extend(centers);
-    let particles = Particles::new(columns).unwrap();
+    let mut positions = Positions::around(DVec3::ZERO);
+    positions.extend(centers);
+    let particles = Particles::new(Columns { positions, ..Columns::default() }).unwrap();
     let radii = Radii::Uniform(radius);
     let spheres = Spheres { particles: &particles, radii: &radii, radius_scale: 1.0 };
     let scene = Scene {
@@ -35,7 +34,7 @@ fn picture(centers: &[DVec3], radius: f32, lighting: Lighting, samples: u32) -> 
     render(&scene, &camera, &Settings { width: 64, height: 64, samples, seed: 1 }, &()).unwrap()
 }
 
-fn pixel(image: &Image, x: f32, y: f32) -> usize {
+fn pixel(x: f32, y: f32) -> usize {
     let at = |u: f32| ((u / 4.0 + 0.5) * 64.0) as usize;
     at(-y) * 64 + at(x)
 }
@@ -49,7 +48,7 @@ fn a_sphere_covers_its_disc_and_is_as_bright_as_its_cosine() {
     // The cosine over the disc of a sphere integrates to two thirds of its area.
     let light = pixel_area * image.color.iter().map(|color| color[0]).sum::<f32>();
     assert!((light - PI * 2.0 / 3.0).abs() < 0.003, "light {light}");
-    let middle = image.color[pixel(&image, 0.01, 0.01)];
+    let middle = image.color[pixel(0.01, 0.01)];
     assert!((middle[1] / middle[0] - 0.5).abs() < 1e-6 && middle[3] == 1.0);
 }
 
@@ -76,7 +75,7 @@ fn under_an_even_sky_a_lone_sphere_is_as_bright_as_the_sky() {
     let key = KeyLight { toward: Vec3::Z, angular_radius: 0.01, strength: 0.0 };
     let sky = Sky { zenith: 0.6, ground: 0.6, up: Vec3::Y };
     let image = picture(&[DVec3::ZERO], 1.0, Lighting::Studio(key, sky), 256);
-    for at in [pixel(&image, 0.0, 0.0), pixel(&image, 0.5, 0.3), pixel(&image, -0.6, -0.5)] {
+    for at in [pixel(0.0, 0.0), pixel(0.5, 0.3), pixel(-0.6, -0.5)] {
         assert!((image.color[at][0] - 0.6).abs() < 0.03, "{:?}", image.color[at]);
     }
 }
@@ -88,7 +87,7 @@ fn a_sphere_shadows_what_lies_behind_it_and_nothing_else() {
     let sky = Sky { zenith: 0.0, ground: 0.0, up: Vec3::Y };
     let centers = [DVec3::new(-1.0, 0.0, 0.0), DVec3::new(1.0, 0.0, 0.0)];
     let image = picture(&centers, 0.5, Lighting::Studio(key, sky), 16);
-    let brightness = |x: f32, y: f32| image.color[pixel(&image, x, y)][0];
+    let brightness = |x: f32, y: f32| image.color[pixel(x, y)][0];
     assert!(brightness(-0.7, 0.1) < 1e-3, "{}", brightness(-0.7, 0.1));
     assert!((brightness(1.3, 0.0) - 0.6).abs() < 0.1, "{}", brightness(1.3, 0.0));
     assert_eq!(brightness(0.7, 0.0), 0.0, "the side away from the light");

@@ -10,9 +10,9 @@ use glam::Vec3;
 use super::tiles::RAYS;
 use crate::math::HIT_ROUNDING;
 use crate::simd::{Ball, Lanes3, Reach, enter_sphere, grown};
-use crate::structure::bvh::{Bvh, LEAF_BIT};
+use crate::structure::bvh::{Bvh, LEAF, LEAF_BIT};
 
-/// Points from which light is looked for, by axis, and the particles on which they lie, which do not shadow them.
+/// Points from which light is looked for, by axis, and the nodes of the particles on which they lie, which do not shadow them.
 #[derive(Clone, Copy)]
 pub(super) struct Points {
     pub(super) position: [[f32; RAYS]; 3],
@@ -219,7 +219,8 @@ fn shadow_of_leaf<S: Simd>(
     let mut shadowed = 0;
     if lanes.count_ones() < kept.count_ones() {
         // Few points: each against the sixteen particles.
-        let ids = u32x16::load_array_ref(simd, &leaf.id);
+        let first = (place * LEAF) as u32;
+        let nodes = u32x16::load_array(simd, std::array::from_fn(|k| first + k as u32));
         let mut left = lanes;
         while left != 0 {
             let lane = left.trailing_zeros() as usize;
@@ -227,7 +228,7 @@ fn shadow_of_leaf<S: Simd>(
             let [x, y, z] = &points.position;
             let origin = Lanes3::splat(simd, Vec3::new(x[lane], y[lane], z[lane]));
             let (t, meets) = enter_sphere(simd, particles.minus(origin), direction, radius * radius);
-            let other = !ids.simd_eq(u32x16::splat(simd, points.on[lane]));
+            let other = !nodes.simd_eq(u32x16::splat(simd, points.on[lane]));
             shadowed |= u32::from((other & meets & zero.simd_lt(t)).to_bitmask() != 0) << lane;
         }
     } else {
@@ -242,7 +243,7 @@ fn shadow_of_leaf<S: Simd>(
             let center = Lanes3::splat(simd, Vec3::new(x[lane], y[lane], z[lane]));
             let radius_sq = f32x16::splat(simd, radius[lane] * radius[lane]);
             let (t, meets) = enter_sphere(simd, center.minus(origin), direction, radius_sq);
-            let other = !on.simd_eq(u32x16::splat(simd, leaf.id[lane]));
+            let other = !on.simd_eq(u32x16::splat(simd, (place * LEAF + lane) as u32));
             shadowed |= (other & meets & zero.simd_lt(t)).to_bitmask() as u32;
         }
     }

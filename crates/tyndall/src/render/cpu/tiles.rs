@@ -6,7 +6,7 @@
 //! Result: the same depth and id, bit for bit, that a ray each would find. Boxes and particles are grown by the rounding of the
 //! hit formula before anything is skipped (see `math::HIT_ROUNDING`).
 
-use fearless_simd::{f32x16, prelude::*, u32x16};
+use fearless_simd::{f32x16, mask32x16, prelude::*, u32x16};
 use fearless_simd_macros::simd;
 use glam::Vec3;
 
@@ -36,8 +36,8 @@ pub(super) struct Tile {
     pub(super) varying: [[[f32; RAYS]; 3]; BLOCKS],
     /// Distance to what the ray met; infinite where it met nothing.
     pub(super) depth: [[f32; RAYS]; BLOCKS],
-    /// What it met; meaningless where it met nothing.
-    pub(super) id: [[u32; RAYS]; BLOCKS],
+    /// The node of what it met; meaningless where it met nothing.
+    pub(super) node: [[u32; RAYS]; BLOCKS],
     /// The deepest ray of each block and of each quad.
     block_depth: [f32; BLOCKS],
     quad_depth: [f32; QUADS],
@@ -48,7 +48,7 @@ impl Tile {
         Box::new(Self {
             varying: [[[0.0; RAYS]; 3]; BLOCKS],
             depth: [[f32::INFINITY; RAYS]; BLOCKS],
-            id: [[0; RAYS]; BLOCKS],
+            node: [[0; RAYS]; BLOCKS],
             block_depth: [f32::INFINITY; BLOCKS],
             quad_depth: [f32::INFINITY; QUADS],
         })
@@ -76,38 +76,34 @@ impl Tile {
         (0..QUADS).any(|quad| quads >> quad & 1 == 1 && near <= self.quad_depth[quad])
     }
 
-    /// Tests the particle against the sixteen rays of `block` and keeps what is nearer; equally near, the smaller id.
+    /// Tests the particle at `node` against the sixteen rays of `block` and keeps what is nearer; equally near, the smaller id.
     #[simd]
-    fn test<S: Simd>(
-        &mut self,
-        simd: S,
-        view: &View,
-        block: usize,
-        center: Vec3,
-        radius_sq: f32,
-        id: u32,
-    ) -> bool {
+    fn test<S: Simd>(&mut self, simd: S, bvh: &Bvh, view: &View, block: usize, node: u32) -> bool {
+        let (center, radius, id) = bvh.sphere(node);
         let varying = Lanes3::load(simd, &self.varying[block]);
         let (to_center, direction) = if view.perspective {
             (Lanes3::splat(simd, center - view.eye), varying)
         } else {
             (Lanes3::splat(simd, center).minus(varying), Lanes3::splat(simd, view.forward))
         };
-        let (t, meets) = enter_sphere(simd, to_center, direction, f32x16::splat(simd, radius_sq));
-        if meets.to_bitmask() == 0 {
-            return false;
-        }
+        let (t, meets) = enter_sphere(simd, to_center, direction, f32x16::splat(simd, radius * radius));
         let depth = f32x16::load_array_ref(simd, &self.depth[block]);
         let enters = meets & f32x16::splat(simd, 0.0).simd_lt(t) & t.simd_le(depth);
         if enters.to_bitmask() == 0 {
             return false;
         }
-        let old_id = u32x16::load_array_ref(simd, &self.id[block]);
-        let new_id = u32x16::splat(simd, id);
-        let wins = enters & (t.simd_lt(depth) | new_id.simd_lt(old_id));
+        let mut wins = enters & t.simd_lt(depth);
+        let ties = (enters & !wins).to_bitmask();
+        if ties != 0 {
+            // Equally near: rare, but for particles at one place.
+            let smaller = |lane: &usize| ties >> lane & 1 == 1 && id < bvh.sphere(self.node[block][*lane]).2;
+            let won = (0..RAYS).filter(smaller).fold(0, |mask, lane| mask | 1 << lane);
+            wins |= mask32x16::from_bitmask(simd, won);
+        }
         let depth = wins.select(t, depth);
         depth.store_array(&mut self.depth[block]);
-        wins.select(new_id, old_id).store_array(&mut self.id[block]);
+        let old = u32x16::load_array_ref(simd, &self.node[block]);
+        wins.select(u32x16::splat(simd, node), old).store_array(&mut self.node[block]);
         self.block_depth[block] = depth.reduce_max();
         true
     }
@@ -315,7 +311,6 @@ fn draw_leaf<S: Simd>(simd: S, bvh: &Bvh, place: usize, view: &View, beam: &Beam
         return;
     }
     let near = shadow.near.to_array();
-    let radius = radius.to_array();
     // Ranges of blocks; casting a float to an integer saturates.
     let half = 0.5 * EDGE as f32;
     let low = [(shadow.low[0] + half).to_array(), (shadow.low[1] + half).to_array()];
@@ -327,13 +322,12 @@ fn draw_leaf<S: Simd>(simd: S, bvh: &Bvh, place: usize, view: &View, beam: &Beam
         let block = |at: f32| (at.max(0.0) as usize).min(EDGE - 1);
         let (x_low, y_low) = (block(low[0][lane]), block(low[1][lane]));
         let (x_high, y_high) = (block(high[0][lane]), block(high[1][lane]));
-        let center = Vec3::new(leaf.center[0][lane], leaf.center[1][lane], leaf.center[2][lane]);
-        let radius_sq = radius[lane] * radius[lane];
+        let node = (place * LEAF + lane) as u32;
         for y in y_low..=y_high {
             for x in x_low..=x_high {
                 let block = block_at(x, y);
                 if near[lane] <= tile.block_depth[block] {
-                    changed |= tile.test(simd, view, block, center, radius_sq, leaf.id[lane]);
+                    changed |= tile.test(simd, bvh, view, block, node);
                 }
             }
         }

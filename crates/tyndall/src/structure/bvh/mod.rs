@@ -139,6 +139,15 @@ impl Bvh {
         if progress.cancelled() { Err(Error::Interrupted) } else { Ok(bvh) }
     }
 
+    /// See [`super::Structure::sphere`]: a node is a leaf's place, times sixteen, plus the particle's place therein.
+    #[inline(always)]
+    pub fn sphere(&self, node: u32) -> (Vec3, f32, u32) {
+        let (leaf, place) = (node as usize / LEAF, node as usize % LEAF);
+        let [x, y, z] = &self.leaves[leaf].center;
+        let radius = self.radii.get(leaf).map_or(self.radius, |radii| radii[place]);
+        (Vec3::new(x[place], y[place], z[place]), radius, self.leaves[leaf].id[place])
+    }
+
     /// The radii of a leaf's particles.
     #[inline(always)]
     pub(crate) fn radii<S: Simd>(&self, simd: S, leaf: usize) -> f32x16<S> {

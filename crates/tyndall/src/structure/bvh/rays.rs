@@ -49,10 +49,11 @@ fn walk<S: Simd>(simd: S, bvh: &Bvh, ray: &Ray, except: Option<u32>, mut wanted:
             let place = (child & !LEAF_BIT) as usize;
             let t = enter_leaf(simd, bvh, place, ray, except);
             let leaf = &bvh.leaves[place];
-            for (&t, &id) in t.iter().zip(&leaf.id).filter(|&(&t, _)| t < ray.t_max) {
+            for (lane, &t) in t.iter().enumerate().filter(|&(_, &t)| t < ray.t_max) {
                 match &mut wanted {
                     Wanted::Nearest(best) => {
-                        Hit::keep_nearer(best, Hit { t, id });
+                        let node = (place * LEAF + lane) as u32;
+                        Hit::keep_nearer(best, Hit { t, id: leaf.id[lane], node });
                         // Clip the ray to the nearest hit: what is behind it is hidden.
                         t_far = t_far.min(t);
                     }
