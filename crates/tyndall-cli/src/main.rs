@@ -1,3 +1,66 @@
-//! The command `tyndall`.
+//! The command `tyndall`: parses the command line, calls the libraries, says in one line what came of it.
+//!
+//! `args` defines the language, `values` how its words are written; each verb has a file; `report` speaks to people.
 
-fn main() {}
+mod args;
+mod bench;
+mod dry_run;
+mod help;
+mod info;
+mod input;
+mod json;
+mod metadata;
+mod output;
+mod progress;
+mod render;
+mod report;
+mod usage;
+mod values;
+
+use std::process::ExitCode;
+
+use clap::Parser;
+
+use args::{Cli, Common, Verb};
+use report::{Failure, Outcome, Report};
+
+fn main() -> ExitCode {
+    let cli = match Cli::try_parse() {
+        Ok(cli) => cli,
+        Err(error) => return usage::explain(&error),
+    };
+    progress::listen_to_signals();
+    let done = match cli.verb {
+        Verb::Render(args) => with(&args.common, |report| render::run(&args, report)),
+        Verb::Info(args) => with(&args.common, |report| info::run(&args, report)),
+        Verb::Bench(args) => with(&args.common, |report| bench::run(&args, report)),
+        Verb::Completions { shell } => told(help::completions(shell)),
+        Verb::Man { verb } => told(help::man(verb.as_deref())),
+        Verb::Other(words) => told(Err(usage::no_verb(&words))),
+    };
+    done.unwrap_or_else(|failure| failure.exit_code())
+}
+
+/// Runs a verb with the threads and the voice that it was given.
+fn with(common: &Common, verb: impl FnOnce(&Report) -> Outcome<()>) -> Outcome<ExitCode> {
+    if let Some(threads) = common.threads {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads.into()).build_global();
+        if let Err(error) = pool {
+            return told(Err(Failure::Usage(format!("--threads cannot be '{threads}' — {error}"))));
+        }
+    }
+    let report = Report::new(common);
+    let done = verb(&report);
+    if let Err(failure) = &done {
+        report.error(failure);
+    }
+    done.map(|()| ExitCode::SUCCESS)
+}
+
+/// Says why a verb without a voice of its own failed.
+fn told(done: Outcome<()>) -> Outcome<ExitCode> {
+    if let Err(failure) = &done {
+        eprintln!("{failure}");
+    }
+    done.map(|()| ExitCode::SUCCESS)
+}

@@ -15,3 +15,10 @@ pub struct Image {
     /// Place in the file of the particle that the same sample met; -1 where it met nothing.
     pub id: Vec<i64>,
 }
+
+impl Image {
+    /// Whether no sample met a particle: no pixel has an id, and all have the same color.
+    pub fn shows_nothing(&self) -> bool {
+        self.id.iter().all(|&id| id < 0) && self.color.iter().all(|&color| color == self.color[0])
+    }
+}

@@ -4,6 +4,7 @@
 //! seen, a renderer fills a film, and the result is an [`Image`].
 
 pub mod error;
+pub mod estimate;
 pub mod film;
 pub mod math;
 pub mod particles;

@@ -78,6 +78,15 @@ impl Positions {
         Vec3::new(self.offsets[0][id], self.offsets[1][id], self.offsets[2][id])
     }
 
+    /// The coordinate along `axis` of what lies `offset` from the origin, in the coordinates of its file: of all numbers that are
+    /// stored as this offset the one with the fewest digits, which is what the file says if it says no more than is stored.
+    pub fn decimal(&self, axis: usize, offset: f32) -> f64 {
+        let origin = self.origin()[axis];
+        let exact = origin + f64::from(offset);
+        let with_digits = |digits: usize| format!("{exact:.digits$e}").parse().unwrap_or(exact);
+        (0..17).map(with_digits).find(|number: &f64| (number - origin) as f32 == offset).unwrap_or(exact)
+    }
+
     /// The position of particle `id` in the coordinates of its file.
     pub fn world(&self, id: usize) -> DVec3 {
         self.origin() + self.offset(id).as_dvec3()
@@ -170,6 +179,14 @@ impl Values {
     /// Whether the values are integers or words: things to count, not to measure.
     pub fn is_discrete(&self) -> bool {
         !matches!(self, Self::F32(_) | Self::F64(_))
+    }
+
+    /// Memory of one value.
+    fn value_bytes(&self) -> usize {
+        fn of<T>(_: &[T]) -> usize {
+            size_of::<T>()
+        }
+        each_column!(self, column => of(column))
     }
 
     fn retain(&mut self, components: usize, keep: &[bool]) {
@@ -413,6 +430,26 @@ impl Particles {
         self.places.as_ref().map_or(id as u64, |places| places[id])
     }
 
+    /// The least and the greatest coordinates of the centers, in those of the file; `None` without particles.
+    pub fn world_bounds(&self) -> Option<[[f64; 3]; 2]> {
+        let bounds = self.bounds();
+        let decimal = |corner: Vec3| std::array::from_fn(|axis| self.positions.decimal(axis, corner[axis]));
+        (!bounds.is_empty()).then(|| [decimal(bounds.min), decimal(bounds.max)])
+    }
+
+    /// The position of particle `id` in the coordinates of its file, with as few digits as say what is stored.
+    pub fn world_position(&self, id: usize) -> [f64; 3] {
+        let offset = self.positions.offset(id);
+        std::array::from_fn(|axis| self.positions.decimal(axis, offset[axis]))
+    }
+
+    /// Memory that the columns take, in bytes.
+    pub fn bytes(&self) -> u64 {
+        let places = self.places.as_ref().map_or(0, |places| size_of_val(&places[..]));
+        let attributes = self.attributes.iter().map(|it| it.values.len() * it.values.value_bytes());
+        (12 * self.len() + places + attributes.sum::<usize>()) as u64
+    }
+
     /// The box of the centers, as offsets from the origin.
     pub fn bounds(&self) -> Bounds {
         (0..self.len())
@@ -477,6 +514,21 @@ mod tests {
         for (id, position) in positions.iter().enumerate() {
             assert!(particles.positions().world(id).abs_diff_eq(*position, 1e-6), "particle {id}");
         }
+    }
+
+    #[test]
+    fn coordinates_are_told_with_the_digits_of_the_file() {
+        let positions = [DVec3::new(0.8, 1234.567, -1e-7), DVec3::new(0.1, 1230.001, 3.0)];
+        let particles = Particles::new(columns(&positions, &[1.0; 2])).unwrap();
+        for (id, position) in positions.iter().enumerate() {
+            let told = DVec3::from_array(particles.world_position(id));
+            let error = (told - *position).abs();
+            assert!(error.max_element() < 1e-6, "{told}");
+        }
+        assert_eq!(particles.world_position(0)[0], 0.8);
+        let [min, max] = particles.world_bounds().unwrap();
+        assert_eq!((min[0], min[1], max[1]), (0.1, 1230.001, 1234.567));
+        assert_eq!(particles.bytes(), 2 * (12 + 4));
     }
 
     #[test]

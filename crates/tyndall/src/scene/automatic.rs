@@ -7,6 +7,7 @@ use super::spacing::{QUERIES, median_spacing};
 use super::statistics::{grouped, quantiles, sampled_ids, short};
 use crate::math::Bounds;
 use crate::particles::{Attribute, Cell, Particles, Radii};
+use crate::structure::Spheres;
 use glam::Vec3;
 use rayon::prelude::*;
 
@@ -147,6 +148,44 @@ pub fn framing(particles: &Particles) -> Framing {
          (--frame-all to see all)"
     ));
     framing
+}
+
+/// The box to show of particles that have a size: see [`framing`]; `outliers` says whether the farthest is shown too.
+pub fn framing_of(spheres: Spheres, outliers: Outliers) -> Framing {
+    let particles = spheres.particles;
+    let around_all = || {
+        let ids = (0..particles.len()).into_par_iter().with_min_len(1 << 14);
+        let sphere = |id| {
+            let center = spheres.center(id);
+            Bounds { min: center, max: center }.grown(spheres.radius(id))
+        };
+        ids.map(sphere).reduce(|| Bounds::EMPTY, Bounds::union)
+    };
+    let mut framing = framing(particles);
+    if outliers == Outliers::Shown {
+        return Framing { bounds: around_all(), description: "framed on all particles".into(), warning: None };
+    }
+    if framing.bounds == particles.bounds() {
+        framing.bounds = around_all();
+    } else {
+        // Of a crowd only the typical size: one huge outlier shall not ruin the frame.
+        let mut sizes: Vec<f64> =
+            sampled_ids(particles.len(), SAMPLES).map(|id| f64::from(spheres.radius(id))).collect();
+        let [typical] = quantiles(&mut sizes, [0.5]).unwrap_or_default();
+        let crowd = percentile_box(particles).grown(typical as f32);
+        framing.bounds = if framing.warning.is_some() { crowd } else { framing.bounds.union(crowd) };
+    }
+    framing
+}
+
+/// Whether far outliers are framed too.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Outliers {
+    /// What lies far outside the rest may be outside the picture.
+    #[default]
+    Left,
+    /// The picture shows every particle.
+    Shown,
 }
 
 /// The box between the 0.1 and the 99.9 percentile of each coordinate.

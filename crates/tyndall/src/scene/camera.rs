@@ -154,7 +154,7 @@ impl Camera {
 const MARGIN: f64 = 1.05;
 
 /// `up`, or another direction where the camera looks along it.
-fn usable_up(forward: DVec3, up: DVec3) -> DVec3 {
+pub(super) fn usable_up(forward: DVec3, up: DVec3) -> DVec3 {
     let up = up.normalize_or(DVec3::Z);
     if forward.cross(up).length() > 1e-3 {
         return up;

@@ -15,10 +15,12 @@ pub mod quantity;
 mod rgb;
 mod spacing;
 mod statistics;
+pub mod viewpoint;
 
 use crate::structure::{Spheres, Structure};
 use color::ParticleColors;
 use light::Lighting;
+pub use statistics::{grouped, short};
 
 /// Particles, and how they are seen.
 pub struct Scene<'a> {

@@ -48,7 +48,7 @@ pub(crate) fn quantiles<const N: usize>(values: &mut [f64], fractions: [f64; N])
 }
 
 /// A number for people: four digits that count, no more.
-pub(crate) fn short(number: f64) -> String {
+pub fn short(number: f64) -> String {
     let magnitude = number.abs();
     if number == 0.0 || !number.is_finite() {
         return format!("{number}");
@@ -68,7 +68,7 @@ fn trimmed(digits: &str) -> &str {
 }
 
 /// A count for people, with a comma every three digits.
-pub(crate) fn grouped(count: usize) -> String {
+pub fn grouped(count: usize) -> String {
     let digits = count.to_string();
     let mut text = String::new();
     for (place, digit) in digits.char_indices() {

@@ -64,6 +64,11 @@ pub fn generate(specification: &str, progress: &dyn Progress) -> Result<Particle
     make(plan, count, radius, progress)
 }
 
+/// How many particles [`generate`] would make. Fails as it does.
+pub fn count(specification: &str) -> Result<u64> {
+    Ok(Specification::parse(specification)?.count)
+}
+
 /// One particle: its position, and its attributes in the order of [`Plan::attributes`].
 #[derive(Clone, Copy, Default)]
 struct Particle {

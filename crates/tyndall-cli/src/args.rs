@@ -1,0 +1,341 @@
+//! The command line's definition: the one source of parsing, help, completions and man page.
+
+use std::ffi::OsString;
+use std::path::PathBuf;
+
+use clap::{Args, Parser, Subcommand, ValueEnum};
+use glam::DVec3;
+use tyndall::scene::coloring::{Coloring, Norm, Range};
+use tyndall::scene::colormap::Colormap;
+use tyndall::scene::viewpoint::Side;
+
+use crate::values::{Background, Degrees, Ortho, Size, Slice, count, length, point};
+
+/// Particle files to pictures: exact spheres, at any count.
+#[derive(Parser)]
+#[command(name = "tyndall", version, arg_required_else_help = true, propagate_version = true)]
+#[command(after_help = "Exit codes: 0 ok, 2 usage, 3 input, 4 memory or disk, 5 device, 6 some pictures failed, 130 interrupted.")]
+pub(crate) struct Cli {
+    #[command(subcommand)]
+    pub(crate) verb: Verb,
+}
+
+/// What can be done.
+#[derive(Subcommand)]
+pub(crate) enum Verb {
+    /// Renders particles to a picture, or to numbered pictures
+    Render(Box<Render>),
+    /// Says what is in a file
+    Info(Info),
+    /// Measures building and rendering on synthetic particles
+    Bench(Bench),
+    /// Prints a script that completes commands in a shell
+    Completions {
+        /// The shell
+        shell: clap_complete::Shell,
+    },
+    /// Prints the manual page, in roff
+    Man {
+        /// The verb that the page is about; all in brief if none is given
+        verb: Option<String>,
+    },
+    /// Anything else: the name of a file, or a mistyped verb.
+    #[command(external_subcommand)]
+    Other(Vec<OsString>),
+}
+
+/// What every verb understands.
+#[derive(Args)]
+pub(crate) struct Common {
+    /// Says nothing but errors
+    #[arg(short, long)]
+    pub(crate) quiet: bool,
+    /// Says more: times of each stage, causes of errors
+    #[arg(short, long, conflicts_with = "quiet")]
+    pub(crate) verbose: bool,
+    /// Threads to work with [default: all cores]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
+    pub(crate) threads: Option<u16>,
+}
+
+/// Files, and how to read them.
+#[derive(Args)]
+#[command(next_help_heading = "Reading")]
+pub(crate) struct Input {
+    /// Files, as one sequence in this order; or synthetic:NAME?n=COUNT
+    #[arg(required = true, value_name = "FILE", help_heading = None)]
+    pub(crate) files: Vec<PathBuf>,
+    /// Format, instead of recognising it: lammps xyz ply npy bgeo csv
+    #[arg(long, value_name = "NAME")]
+    pub(crate) format: Option<String>,
+    /// Names of the columns of a table, in order: id,type,x,y,z
+    #[arg(long, value_name = "NAMES", value_delimiter = ',')]
+    pub(crate) columns: Option<Vec<String>>,
+    /// Whether a LAMMPS dump's coordinates are fractions of its cell [default: as its columns are called]
+    #[arg(long, value_name = "KIND")]
+    pub(crate) coords: Option<Coords>,
+    /// Fails on a truncated file, instead of reading its whole frames
+    #[arg(long)]
+    pub(crate) strict: bool,
+    /// What to do with particles that cannot be drawn (NaN positions, negative radii)
+    #[arg(long, value_name = "WHAT", default_value = "drop")]
+    pub(crate) on_bad: OnBad,
+}
+
+/// What the coordinates of a dump are.
+#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Coords {
+    /// Positions as they are
+    Real,
+    /// Fractions of the cell
+    Scaled,
+}
+
+/// What to do with bad particles.
+#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum OnBad {
+    /// Leave them out and say how many
+    Drop,
+    /// Stop
+    Error,
+}
+
+#[derive(Args)]
+pub(crate) struct Render {
+    #[command(flatten)]
+    pub(crate) input: Input,
+    /// The picture; its extension says which kind: .png .exr. With a number for several: %04d, #### or $F4
+    #[arg(short, long, value_name = "OUT")]
+    pub(crate) output: PathBuf,
+    #[command(flatten)]
+    pub(crate) picture: Picture,
+    #[command(flatten)]
+    pub(crate) frames: Frames,
+    #[command(flatten)]
+    pub(crate) camera: CameraArgs,
+    #[command(flatten)]
+    pub(crate) look: Look,
+    #[command(flatten)]
+    pub(crate) method: Method,
+    #[command(flatten)]
+    pub(crate) common: Common,
+}
+
+/// The picture file.
+#[derive(Args)]
+#[command(next_help_heading = "Picture")]
+pub(crate) struct Picture {
+    /// Pixels across and down
+    #[arg(long, value_name = "WxH", default_value = "1920x1080")]
+    pub(crate) size: Size,
+    /// Samples a pixel; with 1 the sample is the pixel's center
+    #[arg(long, value_name = "N", default_value_t = 64, value_parser = clap::value_parser!(u32).range(1..))]
+    pub(crate) samples: u32,
+    /// Another seed gives other random numbers
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub(crate) seed: u32,
+    /// Bits of a PNG's channel: 8 or 16
+    #[arg(long, value_name = "BITS", default_value = "8", value_parser = ["8", "16"])]
+    pub(crate) bits: String,
+    /// Pixels an inch on paper, written into the file
+    #[arg(long, value_name = "DPI")]
+    pub(crate) dpi: Option<f64>,
+    /// Behind the particles: white, black, none (transparent), #rrggbb or a color's name
+    #[arg(long, value_name = "COLOR", default_value = "white")]
+    pub(crate) background: Background,
+    /// Short for --background none
+    #[arg(long, conflicts_with = "background")]
+    pub(crate) alpha: bool,
+}
+
+/// Which frames.
+#[derive(Args)]
+#[command(next_help_heading = "Frames")]
+pub(crate) struct Frames {
+    /// One frame, counted from 0; -1 is the last
+    #[arg(long, value_name = "N", allow_hyphen_values = true, conflicts_with = "frames")]
+    pub(crate) frame: Option<i64>,
+    /// Frames START:STOP:STEP as in Python, STOP not included [default: all if OUT has a number, else the first]
+    #[arg(long, value_name = "SLICE", allow_hyphen_values = true)]
+    pub(crate) frames: Option<Slice>,
+    /// Turns the camera by so many degrees over the pictures
+    #[arg(long, value_name = "DEGREES", allow_hyphen_values = true)]
+    pub(crate) orbit: Option<Degrees>,
+    /// How many pictures an orbit around a single frame has
+    #[arg(long, value_name = "N", requires = "orbit", value_parser = clap::value_parser!(u32).range(1..))]
+    pub(crate) frame_count: Option<u32>,
+    /// Leaves pictures that are there already
+    #[arg(long)]
+    pub(crate) skip_existing: bool,
+    /// Keeps the color range of the first frame
+    #[arg(long)]
+    pub(crate) fixed_range: bool,
+}
+
+/// Where the camera is.
+#[derive(Args)]
+#[command(next_help_heading = "Camera")]
+pub(crate) struct CameraArgs {
+    /// Side to look from: x y z -x -y -z iso [default: from (2, 1.3, 1)]
+    #[arg(long, value_name = "SIDE", allow_hyphen_values = true, conflicts_with = "eye")]
+    pub(crate) view: Option<Side>,
+    /// Where the camera stands, in the file's coordinates
+    #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, value_parser = point)]
+    pub(crate) eye: Option<DVec3>,
+    /// What it looks at [default: the middle of the particles]
+    #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, value_parser = point)]
+    pub(crate) look_at: Option<DVec3>,
+    /// Which direction is up in the picture [default: 0,0,1]
+    #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, value_parser = point)]
+    pub(crate) up: Option<DVec3>,
+    /// Vertical angle of view, in degrees [default: 35]
+    #[arg(long, value_name = "DEGREES", conflicts_with = "ortho")]
+    pub(crate) fov: Option<Degrees>,
+    /// Parallel rays; the height of what the picture shows, or auto
+    #[arg(long, value_name = "HEIGHT")]
+    pub(crate) ortho: Option<Ortho>,
+    /// Frames far outliers too
+    #[arg(long)]
+    pub(crate) frame_all: bool,
+}
+
+/// Colors, sizes, light.
+#[derive(Args)]
+#[command(next_help_heading = "Look")]
+pub(crate) struct Look {
+    /// What is shown as color: an attribute (c_pe), a component (v.x), a magnitude (|v|), element, type, #rrggbb, a color's name, auto
+    #[arg(long, value_name = "SPEC", default_value = "auto")]
+    pub(crate) color: Coloring,
+    /// Color map by matplotlib's name, reversed with _r [default: by the quantity]
+    #[arg(long, value_name = "NAME", value_parser = Colormap::named)]
+    pub(crate) cmap: Option<Colormap>,
+    /// How numbers are spread over the map: linear or log [default: by the quantity]
+    #[arg(long, value_name = "NORM")]
+    pub(crate) norm: Option<Norm>,
+    /// Short for --norm log
+    #[arg(long, conflicts_with = "norm")]
+    pub(crate) log: bool,
+    /// Numbers of the first and last color: LOW:HIGH, full, or auto (1st to 99th percentile)
+    #[arg(long, value_name = "LOW:HIGH", default_value = "auto", allow_hyphen_values = true)]
+    pub(crate) range: Range,
+    /// One radius for all particles [default: the file's, else by element, else half the usual distance]
+    #[arg(long, value_name = "R", value_parser = length)]
+    pub(crate) radius: Option<f32>,
+    /// What every radius is multiplied with
+    #[arg(long, value_name = "S", default_value = "1", value_parser = length)]
+    pub(crate) radius_scale: f32,
+    /// Light
+    #[arg(long, value_name = "LOOK", default_value = "default")]
+    pub(crate) look: LightLook,
+}
+
+/// How particles are lit.
+#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum LightLook {
+    /// A key light with soft shadows, and a sky with ambient occlusion
+    Default,
+    /// A light at the eye, without shadows
+    Headlight,
+    /// The pure colors
+    Flat,
+}
+
+/// How it is done.
+#[derive(Args)]
+#[command(next_help_heading = "Method")]
+pub(crate) struct Method {
+    /// How particles are seen
+    #[arg(long, value_name = "MODE", default_value = "spheres")]
+    pub(crate) mode: Mode,
+    #[command(flatten)]
+    pub(crate) structure: StructureArgs,
+    /// Says how much memory and time it would take, and stops
+    #[arg(long)]
+    pub(crate) dry_run: bool,
+}
+
+/// Which structure finds what a ray meets.
+#[derive(Args)]
+pub(crate) struct StructureArgs {
+    /// Structure over the particles; all give the same picture
+    #[arg(long, value_name = "NAME", default_value = "bvh")]
+    pub(crate) structure: StructureName,
+    /// How pkd chooses the axis of a node
+    #[arg(long, value_name = "AXIS", default_value = "widest")]
+    pub(crate) pkd_axis: PkdAxis,
+    /// When pkd tests a node's own particle: before its children, or after the near one
+    #[arg(long, value_name = "ORDER", default_value = "node")]
+    pub(crate) pkd_order: PkdOrder,
+}
+
+/// How particles are seen.
+#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Mode {
+    /// As opaque spheres
+    Spheres,
+    /// As smoke or cloud: not in this version
+    Medium,
+}
+
+#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum StructureName {
+    /// Wide nodes over packed leaves
+    Bvh,
+    /// A balanced k-d tree in place
+    Pkd,
+    /// Tries every particle: slow, for comparison
+    Brute,
+}
+
+#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum PkdAxis {
+    /// The widest extent
+    Widest,
+    /// x, y, z in turn
+    RoundRobin,
+}
+
+#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum PkdOrder {
+    /// Before both children
+    Node,
+    /// After the near child
+    Near,
+}
+
+#[derive(Args)]
+pub(crate) struct Info {
+    #[command(flatten)]
+    pub(crate) input: Input,
+    /// The frame to describe, counted from 0; -1 is the last
+    #[arg(long, value_name = "N", default_value_t = 0, allow_hyphen_values = true)]
+    pub(crate) frame: i64,
+    /// Prints one JSON object
+    #[arg(long)]
+    pub(crate) json: bool,
+    #[command(flatten)]
+    pub(crate) common: Common,
+}
+
+#[derive(Args)]
+pub(crate) struct Bench {
+    /// What to measure
+    #[arg(default_value = "spheres")]
+    pub(crate) what: BenchWhat,
+    /// Particle counts
+    #[arg(long, value_name = "COUNTS", value_delimiter = ',', default_value = "1e6", value_parser = count)]
+    pub(crate) n: Vec<u64>,
+    /// Sets of particles
+    #[arg(long, value_name = "NAMES", value_delimiter = ',', default_value = "packed,uniform,clustered")]
+    pub(crate) sets: Vec<String>,
+    #[command(flatten)]
+    pub(crate) structure: StructureArgs,
+    #[command(flatten)]
+    pub(crate) common: Common,
+}
+
+#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum BenchWhat {
+    /// Primary visibility and the default look at 800x800
+    Spheres,
+}

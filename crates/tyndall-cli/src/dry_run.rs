@@ -1,0 +1,50 @@
+//! How much memory and time a picture needs, and whether the machine has it.
+
+use tyndall::Error;
+use tyndall::estimate::Work;
+
+use crate::report::{Outcome, Report, bytes, seconds};
+
+/// Refuses work that does not fit the memory that is free.
+pub(crate) fn check_memory(work: &Work) -> Outcome<()> {
+    let needed_bytes = work.memory_bytes();
+    match available_bytes() {
+        Some(available_bytes) if needed_bytes > available_bytes => Err(Error::Memory {
+            what: format!("a picture of {} particles", tyndall::scene::grouped(work.particles as usize)),
+            needed_bytes,
+            available_bytes,
+            hint: "try fewer particles, a smaller --size, or a machine with more memory".into(),
+        }
+        .into()),
+        _ => Ok(()),
+    }
+}
+
+/// Says what the pictures would cost.
+pub(crate) fn tell(work: &Work, pictures: usize, report: &Report) -> Outcome<()> {
+    let threads = rayon::current_num_threads();
+    let each = work.seconds(threads);
+    let needed = bytes(work.memory_bytes());
+    let available = available_bytes().map_or(String::new(), |free| format!(" of {} available", bytes(free)));
+    let time = match pictures {
+        1 => format!("about {}", seconds(each)),
+        count => format!("about {} a picture, {} for {count}", seconds(each), seconds(each * count as f64)),
+    };
+    report.out(&format!("dry run: memory {needed}{available}; time without reading {time}, {threads} threads; nothing written\n"))
+}
+
+/// Memory that may be taken without swapping, where the system tells: what is free, and what the process may have.
+fn available_bytes() -> Option<u64> {
+    let of_machine = std::fs::read_to_string("/proc/meminfo").ok().and_then(|text| {
+        let line = text.lines().find_map(|line| line.strip_prefix("MemAvailable:"))?;
+        Some(line.trim().strip_suffix("kB")?.trim().parse::<u64>().ok()? * 1024)
+    });
+    let of_group = || -> Option<u64> {
+        let number = |name: &str| std::fs::read_to_string(format!("/sys/fs/cgroup/{name}")).ok()?.trim().parse::<u64>().ok();
+        Some(number("memory.max")?.saturating_sub(number("memory.current")?))
+    };
+    match (of_machine, of_group()) {
+        (Some(machine), Some(group)) => Some(machine.min(group)),
+        (machine, group) => machine.or(group),
+    }
+}

@@ -1,0 +1,81 @@
+//! `tyndall info`: what is in a file, for people or as JSON.
+
+use tyndall::particles::{Attribute, Particles};
+use tyndall::scene::{grouped, short};
+use tyndall_io::{Frame, Sequence};
+
+use crate::args;
+use crate::report::{Outcome, Report};
+use crate::values::frame as frame_number;
+use crate::{input, json};
+
+/// Describes a frame.
+pub(crate) fn run(args: &args::Info, report: &Report) -> Outcome<()> {
+    let sequence = input::open(&args.input)?;
+    let number = frame_number(args.frame, sequence.len())?;
+    let frame = input::read(&sequence, number, &args.input, report)?;
+    match args.json {
+        true => report.out(&json::describe(&sequence, number, &frame)),
+        false => report.out(&text(&sequence, number, &frame)),
+    }
+}
+
+/// A few lines for people.
+fn text(sequence: &Sequence, number: usize, frame: &Frame) -> String {
+    let particles = &frame.particles;
+    let frames = match sequence.len() {
+        1 => "1 frame".to_string(),
+        count => format!("{} frames", grouped(count)),
+    };
+    let files = match sequence.paths() {
+        [_] => String::new(),
+        paths => format!(" in {} files", grouped(paths.len())),
+    };
+    let mut lines =
+        vec![format!("{} · {frames}{files} · {} particles", sequence.format(), grouped(particles.len()))];
+    if sequence.len() > 1 {
+        lines.push(format!("frame {number}: {}", sequence.name(number)));
+    }
+    lines.extend(cell(particles));
+    let unit = particles.length_unit().map_or(String::new(), |unit| format!(" {unit}"));
+    if let Some([min, max]) = particles.world_bounds() {
+        let side = |axis: usize| format!("{}..{}", short(min[axis]), short(max[axis]));
+        lines.push(format!("bounds x {} · y {} · z {}{unit}", side(0), side(1), side(2)));
+    }
+    if let Some(time) = particles.time() {
+        lines.push(format!("time {time}"));
+    }
+    let columns: Vec<String> = particles.attributes().iter().map(column).collect();
+    lines.push(match columns.is_empty() {
+        true => "columns position".to_string(),
+        false => format!("columns position · {}", columns.join(" · ")),
+    });
+    let dropped = particles.dropped().total();
+    if dropped > 0 {
+        lines.push(format!("dropped {} that cannot be drawn", grouped(dropped as usize)));
+    }
+    lines.extend(frame.conventions.iter().map(|guess| format!("guessed: {guess}")));
+    if particles.length_unit().is_none() {
+        lines.push("note: no length unit in the file".to_string());
+    }
+    lines.join("\n") + "\n"
+}
+
+/// The cell: its kind, edges and which of them repeat.
+fn cell(particles: &Particles) -> Option<String> {
+    let cell = particles.cell()?;
+    let edge = |axis: usize| cell.vectors[axis];
+    let along_axes = (0..3).all(|axis| (0..3).all(|other| axis == other || edge(axis)[other] == 0.0));
+    let kind = if along_axes { "orthogonal" } else { "triclinic" };
+    let edges: Vec<String> = (0..3).map(|axis| short(edge(axis).length())).collect();
+    let repeats: Vec<&str> = cell.periodic.iter().map(|&periodic| if periodic { "pp" } else { "ff" }).collect();
+    let unit = particles.length_unit().map_or(String::new(), |unit| format!(" {unit}"));
+    Some(format!("cell {kind} {}{unit} {}", edges.join("×"), repeats.join(" ")))
+}
+
+/// A column's name, type and unit: `vel f32[3] m/s`.
+fn column(attribute: &Attribute) -> String {
+    let components = if attribute.components == 1 { String::new() } else { format!("[{}]", attribute.components) };
+    let unit = attribute.unit.as_ref().map_or(String::new(), |unit| format!(" {unit}"));
+    format!("{} {}{components}{unit}", attribute.name, attribute.values.type_name())
+}

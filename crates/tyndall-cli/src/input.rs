@@ -1,0 +1,56 @@
+//! Opening what the command line names, and reading a frame of it with what is to be said about it.
+
+use std::path::PathBuf;
+
+use tyndall::scene::grouped;
+use tyndall::{Error, synthetic};
+use tyndall_io::{Frame, Options, Sequence};
+
+use crate::args::{Coords, Input, OnBad};
+use crate::report::{Outcome, Report};
+
+/// Opens the files as one sequence.
+pub(crate) fn open(input: &Input) -> Outcome<Sequence> {
+    let options = Options {
+        columns: input.columns.clone(),
+        format: input.format.clone(),
+        strict: input.strict,
+        scaled: input.coords == Some(Coords::Scaled),
+    };
+    Ok(Sequence::open(&input.files, &options)?)
+}
+
+/// The largest number of particles that is known without reading: that of procedural sources.
+pub(crate) fn known_count(files: &[PathBuf]) -> Outcome<u64> {
+    let specifications = files.iter().filter_map(|path| path.to_str()?.strip_prefix("synthetic:"));
+    let mut largest = 0;
+    for specification in specifications {
+        largest = largest.max(synthetic::count(specification)?);
+    }
+    Ok(largest)
+}
+
+/// Reads a frame and says what is wrong with it.
+pub(crate) fn read(sequence: &Sequence, number: usize, input: &Input, report: &Report) -> Outcome<Frame> {
+    let frame = sequence.frame(number, report.progress())?;
+    let dropped = frame.particles.dropped();
+    if input.on_bad == OnBad::Error && dropped.total() > 0 {
+        let all = frame.particles.len() as u64 + dropped.total();
+        let what = format!(
+            "{} of {} particles cannot be drawn ({} NaN or infinite positions, {} bad radii)",
+            grouped(dropped.total() as usize),
+            grouped(all as usize),
+            grouped(dropped.position as usize),
+            grouped(dropped.radius as usize)
+        );
+        let path = sequence.name(number);
+        return Err(Error::format(path, "", what, "--on-bad drop leaves them out").into());
+    }
+    for warning in &frame.warnings {
+        match dropped.total() > 0 && warning.starts_with("dropped") {
+            true => report.warn(&format!("{warning}; --on-bad error to stop")),
+            false => report.warn(warning),
+        }
+    }
+    Ok(frame)
+}

@@ -1,0 +1,83 @@
+//! What is written into a picture so that it can be made again: version, command line, inputs, settings, guesses.
+
+use std::fs;
+use std::path::Path;
+use std::time::{SystemTime, UNIX_EPOCH};
+
+use tyndall::render::Settings;
+use tyndall_io::Sequence;
+
+/// Keys and texts of one picture.
+pub(crate) fn entries(
+    sequence: &Sequence,
+    frame: usize,
+    time: Option<f64>,
+    settings: &Settings,
+    guesses: &[String],
+) -> Vec<(String, String)> {
+    let inputs: Vec<String> = sequence.paths().iter().map(|path| input(path)).collect();
+    let Settings { width, height, samples, seed } = settings;
+    let mut entries = vec![
+        ("Software", format!("Tyndall {}", env!("CARGO_PKG_VERSION"))),
+        ("Command", command_line()),
+        ("Inputs", inputs.join("\n")),
+        ("Frame", format!("{frame} of {} ({})", sequence.len(), sequence.name(frame))),
+        ("Seed", seed.to_string()),
+        ("Settings", format!("{width}x{height} pixels, {samples} samples, seed {seed}")),
+        ("Guesses", guesses.join("\n")),
+    ];
+    if let Some(time) = time {
+        entries.push(("Time", time.to_string()));
+    }
+    entries.into_iter().map(|(key, text)| (key.to_string(), text)).collect()
+}
+
+/// The command line, quoted so that a shell reads it as it was.
+fn command_line() -> String {
+    let quoted = std::env::args_os().enumerate().map(|(place, word)| {
+        let word = if place == 0 { "tyndall".into() } else { word.to_string_lossy().into_owned() };
+        let plain = |letter: char| letter.is_alphanumeric() || "_-+=:,./%@".contains(letter);
+        if !word.is_empty() && word.chars().all(plain) { word } else { format!("'{}'", word.replace('\'', r"'\''")) }
+    });
+    quoted.collect::<Vec<_>>().join(" ")
+}
+
+/// A file's name, size and time of change.
+fn input(path: &Path) -> String {
+    let Ok(found) = fs::metadata(path) else { return path.display().to_string() };
+    let changed = found.modified().ok().map_or(String::new(), |time| format!(", changed {}", utc(time)));
+    format!("{} ({} bytes{changed})", path.display(), found.len())
+}
+
+/// A time as `2026-11-23T08:27:45Z`. Source of the calendar: Howard Hinnant, chrono-compatible low-level date algorithms, 2013.
+fn utc(time: SystemTime) -> String {
+    let secs = time.duration_since(UNIX_EPOCH).map_or(0, |since| since.as_secs());
+    let (days, secs) = (secs / 86_400 + 719_468, secs % 86_400);
+    let (era, day_of_era) = (days / 146_097, days % 146_097);
+    let year_of_era = (day_of_era - day_of_era / 1_460 + day_of_era / 36_524 - day_of_era / 146_096) / 365;
+    let day_of_year = day_of_era - (365 * year_of_era + year_of_era / 4 - year_of_era / 100);
+    let shifted_month = (5 * day_of_year + 2) / 153;
+    let day = day_of_year - (153 * shifted_month + 2) / 5 + 1;
+    let month = if shifted_month < 10 { shifted_month + 3 } else { shifted_month - 9 };
+    let year = 400 * era + year_of_era + u64::from(month <= 2);
+    format!("{year:04}-{month:02}-{day:02}T{:02}:{:02}:{:02}Z", secs / 3600, secs / 60 % 60, secs % 60)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::time::Duration;
+
+    #[test]
+    fn times_are_those_of_the_calendar() {
+        for (secs, text) in [
+            (0, "1970-01-01T00:00:00Z"),
+            (951_782_399, "2000-02-28T23:59:59Z"),
+            (951_782_400, "2000-02-29T00:00:00Z"),
+            (1_709_251_200, "2024-03-01T00:00:00Z"),
+            (4_102_444_799, "2099-12-31T23:59:59Z"),
+        ] {
+            assert_eq!(utc(UNIX_EPOCH + Duration::from_secs(secs)), text);
+        }
+    }
+}

@@ -1,0 +1,377 @@
+//! `tyndall render`: particles to a picture, or to numbered pictures.
+//!
+//! What is not said is guessed from the first frame: camera and radius are kept for all frames, so that nothing jumps; the color
+//! range follows each frame unless it is fixed. A frame that fails does not stop the others.
+
+use std::path::PathBuf;
+use std::time::Instant;
+
+use tyndall::estimate::Work;
+use tyndall::particles::{Particles, Radii};
+use tyndall::render::{Settings, render};
+use tyndall::scene::automatic::{self, Framing, Outliers};
+use tyndall::scene::camera::{Camera, VERTICAL_ANGLE};
+use tyndall::scene::color::{ParticleColors, resolve};
+use tyndall::scene::coloring::{Norm, Range};
+use tyndall::scene::light::Lighting;
+use tyndall::scene::viewpoint::{Lens, Viewpoint, why_unseen};
+use tyndall::scene::{Scene, grouped, short};
+use tyndall::structure::{Kind, Spheres, Structure, pkd};
+use tyndall::{Error, Image};
+use tyndall_io::write::{self, ImageOptions};
+use tyndall_io::{Frame, Sequence};
+
+use crate::args::{self, LightLook, Mode, PkdAxis, PkdOrder, StructureArgs, StructureName};
+use crate::output::Pattern;
+use crate::report::{Failure, Outcome, Report, seconds};
+use crate::values::{Degrees, frame as frame_number};
+use crate::{dry_run, input, metadata, progress};
+
+/// Renders what the command line asks for.
+pub(crate) fn run(args: &args::Render, report: &Report) -> Outcome<()> {
+    let job = Job::new(args, report)?;
+    // What cannot work is refused before the reading.
+    write::check(&job.pattern.name(0)).map_err(Failure::Output)?;
+    dry_run::check_memory(&Work::of_count(input::known_count(&args.input.files)?, job.structure, job.settings))?;
+    let sequence = input::open(&args.input)?;
+    let pictures = job.pictures(&sequence)?;
+    if args.method.dry_run {
+        return job.dry_run(&sequence, &pictures);
+    }
+    job.pictures_of(&sequence, &pictures)
+}
+
+/// One picture to be made.
+struct Picture {
+    frame: usize,
+    path: PathBuf,
+    /// By how much the camera is turned, in radians.
+    turn: f64,
+}
+
+/// What is guessed on the first frame and kept.
+struct Kept {
+    camera: Camera,
+    uniform: Option<Radii>,
+    range: Option<(Norm, Range)>,
+}
+
+/// The command line, translated.
+struct Job<'a> {
+    args: &'a args::Render,
+    report: &'a Report,
+    settings: Settings,
+    structure: Kind,
+    viewpoint: Viewpoint,
+    background: Option<[f32; 3]>,
+    pattern: Pattern,
+}
+
+impl<'a> Job<'a> {
+    fn new(args: &'a args::Render, report: &'a Report) -> Outcome<Self> {
+        if args.method.mode == Mode::Medium {
+            return Err(Failure::Usage("--mode medium is not in this version — leave it out to render spheres".into()));
+        }
+        let args::Picture { size, samples, seed, background, alpha, .. } = &args.picture;
+        let settings = Settings { width: size.width, height: size.height, samples: *samples, seed: *seed };
+        let camera = &args.camera;
+        let lens = match (camera.ortho, camera.fov) {
+            (Some(ortho), _) => Lens::Orthographic { height: ortho.0 },
+            (None, Some(Degrees(fov))) if !(fov > 0.0 && fov < 180.0) => {
+                return Err(Error::setting("--fov", fov, "between 0 and 180 degrees").into());
+            }
+            (None, Some(Degrees(fov))) => Lens::Perspective { vertical_angle: fov.to_radians() },
+            (None, None) => Lens::Perspective { vertical_angle: VERTICAL_ANGLE },
+        };
+        let side = camera.view.unwrap_or_default();
+        let viewpoint = Viewpoint { eye: camera.eye, look_at: camera.look_at, up: camera.up, side, lens };
+        Ok(Self {
+            args,
+            report,
+            settings,
+            structure: structure(&args.method.structure),
+            viewpoint,
+            background: if *alpha { None } else { background.0 },
+            pattern: Pattern::new(&args.output),
+        })
+    }
+
+    /// Which frames go to which files, in order.
+    fn pictures(&self, sequence: &Sequence) -> Outcome<Vec<Picture>> {
+        let args::Frames { frame, frames, orbit, frame_count, .. } = &self.args.frames;
+        let count = sequence.len();
+        let chosen = match (frame, frames) {
+            (Some(number), _) => vec![frame_number(*number, count)?],
+            (None, Some(slice)) => slice.of(count),
+            (None, None) if self.pattern.is_numbered() => (0..count).collect(),
+            (None, None) => vec![0],
+        };
+        if chosen.is_empty() {
+            let allowed = format!("it takes none of the frames 0 to {}", count - 1);
+            return Err(Failure::Usage(format!("--frames takes no frame — {allowed}")));
+        }
+        if frame.is_none() && frames.is_none() && !self.pattern.is_numbered() && count > 1 {
+            self.report.note(format_args!(
+                "note: frame 0 of {count}; --frame N for another, -o NAME.%04d.png for all of them"
+            ));
+        }
+
+        // An orbit around one frame has as many pictures as are asked for.
+        let around_one = chosen.len() == 1 && frame_count.is_some();
+        if frame_count.is_some() && chosen.len() > 1 {
+            return Err(Failure::Usage(format!(
+                "--frame-count is for an orbit around one frame, here are {} — leave it out, or give --frame N",
+                chosen.len()
+            )));
+        }
+        let pictures = if around_one { frame_count.unwrap_or(1) as usize } else { chosen.len() };
+        if orbit.is_some() && pictures == 1 {
+            return Err(Failure::Usage(
+                "--orbit needs several pictures — give --frame-count N and -o NAME.%04d.png".into(),
+            ));
+        }
+        if pictures > 1 && !self.pattern.is_numbered() {
+            let path = self.args.output.display();
+            let allowed = format!("{pictures} pictures need a number in the name, such as NAME.%04d.png");
+            return Err(Error::setting("-o", path, allowed).into());
+        }
+        let angle = orbit.map_or(0.0, |Degrees(degrees)| degrees.to_radians());
+        let picture = |place: usize| {
+            let frame = if around_one { chosen[0] } else { chosen[place] };
+            let path = self.pattern.name(if around_one { place } else { frame });
+            Picture { frame, path, turn: angle * place as f64 / pictures as f64 }
+        };
+        Ok((0..pictures).map(picture).collect())
+    }
+
+    /// Reads the first frame only, and says what the pictures would cost.
+    fn dry_run(&self, sequence: &Sequence, pictures: &[Picture]) -> Outcome<()> {
+        let known = input::known_count(&self.args.input.files)?;
+        let work = match known {
+            0 => {
+                let frame = input::read(sequence, pictures[0].frame, &self.args.input, self.report)?;
+                self.report.note(format_args!(
+                    "tyndall: {} · {} particles",
+                    sequence.format(),
+                    grouped(frame.particles.len())
+                ));
+                Work::of(&frame.particles, self.structure, self.settings)
+            }
+            count => Work::of_count(count, self.structure, self.settings),
+        };
+        let work = Work { traced: self.args.look.look == LightLook::Default, ..work };
+        dry_run::check_memory(&work)?;
+        dry_run::tell(&work, pictures.len(), self.report)
+    }
+
+    /// Makes the pictures frame by frame, and counts what failed.
+    fn pictures_of(&self, sequence: &Sequence, pictures: &[Picture]) -> Outcome<()> {
+        let (mut written, mut skipped, mut failures) = (0, 0, Vec::new());
+        let mut kept: Option<Kept> = None;
+        let mut left = pictures;
+        while let Some(first) = left.first() {
+            // Pictures of one frame follow each other: it is read once.
+            let same = left.iter().take_while(|it| it.frame == first.frame).count();
+            let (now, later) = left.split_at(same);
+            left = later;
+            let wanted: Vec<&Picture> = now.iter().filter(|it| !self.exists(it)).collect();
+            skipped += same - wanted.len();
+            // The first frame is read even if its pictures are there: what is guessed from it must not change.
+            if wanted.is_empty() && (kept.is_some() || left.is_empty()) {
+                continue;
+            }
+            match self.pictures_of_frame(sequence, first.frame, &wanted, &mut kept, &mut written) {
+                Ok(()) => {}
+                Err(Failure::Interrupted(_)) => {
+                    let text = format!("{written} of {} pictures written", pictures.len() - skipped);
+                    return Err(Failure::Interrupted(text));
+                }
+                Err(failure @ Failure::Library(Error::Memory { .. })) => return Err(failure),
+                Err(failure) if pictures.len() == 1 => return Err(failure),
+                Err(failure) => {
+                    self.report.error(&failure);
+                    failures.push((first.frame, wanted.len().max(1), failure));
+                }
+            }
+        }
+        if skipped > 0 {
+            self.report.note(format_args!("note: {skipped} pictures were there already"));
+        }
+        let Some((frame, _, first)) = failures.first() else { return Ok(()) };
+        let failed: usize = failures.iter().map(|(_, count, _)| count).sum();
+        let text =
+            format!("{failed} of {} pictures failed, {written} were written (first failure: frame {frame})", pictures.len());
+        if written + skipped == 0 && failures.iter().all(|(_, _, it)| it.code() == first.code()) {
+            // Nothing was achieved: the reason counts, not that it came often.
+            self.report.note(format_args!("{text}"));
+            return Err(failures.swap_remove(0).2);
+        }
+        Err(Failure::Partial(text))
+    }
+
+    fn exists(&self, picture: &Picture) -> bool {
+        self.args.frames.skip_existing && picture.path.exists()
+    }
+
+    /// Reads a frame, builds once, and makes its pictures.
+    fn pictures_of_frame(
+        &self,
+        sequence: &Sequence,
+        number: usize,
+        pictures: &[&Picture],
+        kept: &mut Option<Kept>,
+        written: &mut usize,
+    ) -> Outcome<()> {
+        let start = Instant::now();
+        let Frame { particles, conventions, .. } = input::read(sequence, number, &self.args.input, self.report)?;
+        self.report.detail(format_args!("read: {}", seconds(start.elapsed().as_secs_f64())));
+        let is_first = kept.is_none();
+        let work = Work::of(&particles, self.structure, self.settings);
+        dry_run::check_memory(&Work { columns_bytes: 0, ..work })?;
+
+        // Guess what is not said.
+        let guessing = Instant::now();
+        let (radii, radius_text) = self.radii(&particles, kept.as_ref());
+        let spheres =
+            Spheres { particles: &particles, radii: &radii, radius_scale: self.args.look.radius_scale };
+        let (camera, framing_text) = match kept.as_ref() {
+            Some(kept) => (kept.camera, "as the first frame".to_string()),
+            None => self.camera(spheres),
+        };
+        let colors = self.colors(&particles, kept.as_ref())?;
+        let guesses = self.guesses(&conventions, spheres, &radius_text, &colors, &framing_text);
+        if is_first {
+            self.report.note(format_args!("tyndall: {}", guesses.join(" · ")));
+            let range = colors.legend.as_ref().map(|legend| (legend.norm, Range::Given(legend.low, legend.high)));
+            let uniform = matches!(radii, Radii::Uniform(_)).then(|| radii.clone());
+            *kept = Some(Kept { camera, uniform, range: range.filter(|_| self.args.frames.fixed_range) });
+        } else {
+            self.report.detail(format_args!("frame {number}: {}", guesses.join(" · ")));
+        }
+        self.report.detail(format_args!("guessing: {}", seconds(guessing.elapsed().as_secs_f64())));
+        if pictures.is_empty() {
+            return Ok(());
+        }
+
+        let building = Instant::now();
+        let structure = Structure::build(self.structure, spheres, self.report.progress())?;
+        self.report.detail(format_args!("build: {}", seconds(building.elapsed().as_secs_f64())));
+        let lighting = Lighting::Flat;
+        let mut scene = Scene { spheres, structure, colors, lighting, background: self.background };
+        for (place, picture) in pictures.iter().enumerate() {
+            let rendering = Instant::now();
+            let image = self.image(&mut scene, &camera.orbited(picture.turn))?;
+            self.report.detail(format_args!("render: {}", seconds(rendering.elapsed().as_secs_f64())));
+            let options = ImageOptions {
+                bits: if self.args.picture.bits == "16" { 16 } else { 8 },
+                dpi: self.args.picture.dpi,
+                metadata: metadata::entries(sequence, number, particles.time(), &self.settings, &guesses),
+            };
+            write::image(&picture.path, &image, &options).map_err(Failure::Output)?;
+            *written += 1;
+            let since = if place == 0 { start } else { rendering };
+            let path = picture.path.display();
+            self.report.note(format_args!("{path}  {}", seconds(since.elapsed().as_secs_f64())));
+            if progress::stopped() {
+                return Err(Error::Interrupted.into());
+            }
+        }
+        Ok(())
+    }
+
+    fn image(&self, scene: &mut Scene, camera: &Camera) -> Outcome<Image> {
+        let Settings { width, height, .. } = self.settings;
+        let view = camera.view(scene.spheres.particles.positions().origin(), width, height)?;
+        if scene.spheres.is_empty() {
+            return Err(Failure::Unseen(why_unseen(scene.spheres, &view)));
+        }
+        scene.lighting = match self.args.look.look {
+            LightLook::Default => Lighting::studio(view.forward, view.right, view.up),
+            LightLook::Headlight => Lighting::Headlight,
+            LightLook::Flat => Lighting::Flat,
+        };
+        let image = render(scene, camera, &self.settings, self.report.progress())?;
+        match image.shows_nothing() {
+            true => Err(Failure::Unseen(why_unseen(scene.spheres, &view))),
+            false => Ok(image),
+        }
+    }
+
+    fn radii(&self, particles: &Particles, kept: Option<&Kept>) -> (Radii, String) {
+        let (radii, mut text) = match (self.args.look.radius, kept.and_then(|kept| kept.uniform.clone())) {
+            (Some(radius), _) => (Radii::Uniform(radius), format!("radius {} given", short(radius.into()))),
+            (None, Some(radii)) => (radii, "radius of the first frame".into()),
+            (None, None) => automatic::radii(particles),
+        };
+        let scale = self.args.look.radius_scale;
+        if scale != 1.0 {
+            text += &format!(", scaled by {}", short(scale.into()));
+        }
+        (radii, text)
+    }
+
+    fn camera(&self, spheres: Spheres) -> (Camera, String) {
+        let outliers = if self.args.camera.frame_all { Outliers::Shown } else { Outliers::Left };
+        let Framing { bounds, description, warning } = automatic::framing_of(spheres, outliers);
+        let aspect = f64::from(self.settings.width) / f64::from(self.settings.height);
+        let camera = self.viewpoint.camera(&bounds, spheres.particles.positions().origin(), aspect);
+        if self.viewpoint.eye.is_some() {
+            return (camera, "camera given".into());
+        }
+        if let Some(warning) = warning {
+            self.report.warn(&warning);
+        }
+        (camera, description)
+    }
+
+    fn colors(&self, particles: &Particles, kept: Option<&Kept>) -> Outcome<ParticleColors> {
+        let look = &self.args.look;
+        let norm = if look.log { Some(Norm::Log) } else { look.norm };
+        let (norm, range) = match kept.and_then(|kept| kept.range) {
+            Some((norm, range)) => (Some(norm), range),
+            None => (norm, look.range),
+        };
+        Ok(resolve(particles, &look.color, look.cmap.as_ref(), norm, range)?)
+    }
+
+    /// All that was chosen and guessed, piece by piece.
+    fn guesses(
+        &self,
+        conventions: &[String],
+        spheres: Spheres,
+        radius: &str,
+        colors: &ParticleColors,
+        framing: &str,
+    ) -> Vec<String> {
+        let name = match self.structure {
+            Kind::Bvh => "bvh",
+            Kind::Pkd(_) => "pkd",
+            Kind::Brute => "brute force",
+        };
+        let Settings { width, height, samples, .. } = self.settings;
+        let mut guesses = vec![format!("{name}, cpu {} threads", rayon::current_num_threads())];
+        guesses.push(format!("{} particles", grouped(spheres.len())));
+        guesses.extend(conventions.iter().cloned());
+        guesses.extend([radius.to_string(), colors.description.clone(), framing.to_string()]);
+        guesses.push(format!("{width}x{height}, {samples} samples"));
+        guesses
+    }
+}
+
+/// The structure that the command line names.
+pub(crate) fn structure(args: &StructureArgs) -> Kind {
+    match args.structure {
+        StructureName::Bvh => Kind::Bvh,
+        StructureName::Brute => Kind::Brute,
+        StructureName::Pkd => Kind::Pkd(pkd::Options {
+            axis: match args.pkd_axis {
+                PkdAxis::Widest => pkd::Axis::WidestExtent,
+                PkdAxis::RoundRobin => pkd::Axis::RoundRobin,
+            },
+            order: match args.pkd_order {
+                PkdOrder::Node => pkd::Order::NodeFirst,
+                PkdOrder::Near => pkd::Order::NearChildFirst,
+            },
+        }),
+    }
+}

@@ -1,0 +1,205 @@
+//! Values of the command line: how each is written, and what is allowed.
+
+use std::str::FromStr;
+
+use glam::DVec3;
+use tyndall::scene::coloring::Coloring;
+use tyndall::{Error, Result};
+
+/// The sides of a picture, in pixels.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Size {
+    pub(crate) width: u32,
+    pub(crate) height: u32,
+}
+
+impl FromStr for Size {
+    type Err = Error;
+
+    fn from_str(text: &str) -> Result<Self> {
+        let side = |text: &str| text.trim().parse().ok().filter(|side| (1..=65536).contains(side));
+        let sides = text.split_once(['x', 'X', '×']).and_then(|(w, h)| Some((side(w)?, side(h)?)));
+        let (width, height) =
+            sides.ok_or_else(|| Error::setting("--size", text, "WIDTHxHEIGHT, from 1x1 to 65536x65536 pixels"))?;
+        Ok(Self { width, height })
+    }
+}
+
+/// Reads `X,Y,Z`.
+pub(crate) fn point(text: &str) -> Result<DVec3> {
+    let numbers: Option<Vec<f64>> =
+        text.split(',').map(|part| part.trim().parse().ok().filter(|it: &f64| it.is_finite())).collect();
+    match numbers.as_deref() {
+        Some([x, y, z]) => Ok(DVec3::new(*x, *y, *z)),
+        _ => Err(Error::setting("a point or direction", text, "three numbers X,Y,Z with commas and without spaces")),
+    }
+}
+
+/// Reads a length above 0, or a factor.
+pub(crate) fn length(text: &str) -> Result<f32> {
+    let number = text.parse().ok().filter(|it: &f32| it.is_finite() && *it > 0.0);
+    number.ok_or_else(|| Error::setting("a radius or its scale", text, "a number greater than 0"))
+}
+
+/// Reads a count, also as `1e7`.
+pub(crate) fn count(text: &str) -> Result<u64> {
+    let number = text.replace('_', "").parse().ok();
+    let whole = number.filter(|it: &f64| (1.0..4e9).contains(it) && it.fract() == 0.0);
+    whole.map(|it| it as u64).ok_or_else(|| Error::setting("--n", text, "counts from 1 to 4e9, such as 1e6,1e7"))
+}
+
+/// An angle.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Degrees(pub(crate) f64);
+
+impl FromStr for Degrees {
+    type Err = Error;
+
+    fn from_str(text: &str) -> Result<Self> {
+        let number = text.parse().ok().filter(|it: &f64| it.is_finite());
+        number.map(Self).ok_or_else(|| Error::setting("an angle", text, "a number of degrees"))
+    }
+}
+
+/// The height that an orthographic picture shows; `None` if it follows from the particles.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Ortho(pub(crate) Option<f64>);
+
+impl FromStr for Ortho {
+    type Err = Error;
+
+    fn from_str(text: &str) -> Result<Self> {
+        if text == "auto" {
+            return Ok(Self(None));
+        }
+        let number = text.parse().ok().filter(|it: &f64| it.is_finite() && *it > 0.0);
+        let allowed = "a height greater than 0 in the file's unit, or auto";
+        number.map(|height| Self(Some(height))).ok_or_else(|| Error::setting("--ortho", text, allowed))
+    }
+}
+
+/// What is behind the particles: linear RGB, or nothing.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Background(pub(crate) Option<[f32; 3]>);
+
+impl FromStr for Background {
+    type Err = Error;
+
+    fn from_str(text: &str) -> Result<Self> {
+        match text.parse() {
+            _ if matches!(text, "none" | "transparent") => Ok(Self(None)),
+            Ok(Coloring::Constant(color)) => Ok(Self(Some(color))),
+            _ => Err(Error::setting("--background", text, "white, black, none, #rrggbb or the name of a color in CSS")),
+        }
+    }
+}
+
+/// Frames as Python slices a list: `START:STOP:STEP`, each of which may be left out or count from the end.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Slice {
+    start: Option<i64>,
+    stop: Option<i64>,
+    step: i64,
+}
+
+impl FromStr for Slice {
+    type Err = Error;
+
+    fn from_str(text: &str) -> Result<Self> {
+        let wanted = || Error::setting("--frames", text, "START:STOP:STEP as in Python, such as 10:20, ::5 or -3:");
+        let number = |part: &str| match part.trim() {
+            "" => Ok(None),
+            digits => digits.parse().map(Some).map_err(|_| wanted()),
+        };
+        let parts: Vec<Option<i64>> = text.split(':').map(number).collect::<Result<_>>()?;
+        let (start, stop, step) = match parts[..] {
+            [start @ Some(frame)] => return Ok(Self { start, stop: frame.checked_add(1).filter(|&it| it != 0), step: 1 }),
+            [start, stop] => (start, stop, None),
+            [start, stop, step] => (start, stop, step),
+            _ => return Err(wanted()),
+        };
+        match step {
+            Some(0) => Err(wanted()),
+            _ => Ok(Self { start, stop, step: step.unwrap_or(1) }),
+        }
+    }
+}
+
+impl Slice {
+    /// The numbers below `count` that the slice takes, in its order.
+    pub(crate) fn of(&self, count: usize) -> Vec<usize> {
+        let count = count as i64;
+        let (least, most) = if self.step > 0 { (0, count) } else { (-1, count - 1) };
+        let bound = |end: i64| if end < 0 { end.saturating_add(count) } else { end }.clamp(least, most);
+        let (first, last) = if self.step > 0 { (0, count) } else { (count - 1, -1) };
+        let (mut at, stop) = (self.start.map_or(first, bound), self.stop.map_or(last, bound));
+        let mut numbers = Vec::new();
+        while (self.step > 0 && at < stop) || (self.step < 0 && at > stop) {
+            numbers.push(at as usize);
+            at = at.saturating_add(self.step);
+        }
+        numbers
+    }
+}
+
+/// Frame `number` of `count`, where negative numbers count from the end.
+pub(crate) fn frame(number: i64, count: usize) -> Result<usize> {
+    let from_start = if number < 0 { number.saturating_add(count as i64) } else { number };
+    let found = usize::try_from(from_start).ok().filter(|&it| it < count);
+    found.ok_or_else(|| match count {
+        1 => Error::setting("--frame", number, "there is only frame 0"),
+        _ => Error::setting("--frame", number, format!("there are frames 0 to {}, -1 is the last", count - 1)),
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn frames_are_sliced_as_python_does() {
+        let slice = |text: &str| text.parse::<Slice>().unwrap().of(10);
+        for (text, expected) in [
+            (":", vec![0, 1, 2, 3, 4, 5, 6, 7, 8, 9]),
+            ("2:5", vec![2, 3, 4]),
+            ("::4", vec![0, 4, 8]),
+            ("-3:", vec![7, 8, 9]),
+            (":-8", vec![0, 1]),
+            ("::-3", vec![9, 6, 3, 0]),
+            ("5:2:-1", vec![5, 4, 3]),
+            ("8:99", vec![8, 9]),
+            ("99:", vec![]),
+            ("-99:2", vec![0, 1]),
+            ("4", vec![4]),
+            ("-1", vec![9]),
+            ("10", vec![]),
+        ] {
+            assert_eq!(slice(text), expected, "{text}");
+        }
+        for bad in ["", "a", "1:2:0", "1:2:3:4", "1.5:"] {
+            assert!(bad.parse::<Slice>().is_err(), "{bad}");
+        }
+        assert!("::1".parse::<Slice>().unwrap().of(0).is_empty());
+    }
+
+    #[test]
+    fn one_frame_may_count_from_the_end() {
+        assert_eq!((frame(0, 3).unwrap(), frame(-1, 3).unwrap(), frame(-3, 3).unwrap()), (0, 2, 0));
+        assert!(frame(3, 3).is_err() && frame(-4, 3).is_err() && frame(i64::MIN, 3).is_err());
+    }
+
+    #[test]
+    fn bad_values_are_refused() {
+        assert_eq!("800x600".parse::<Size>().unwrap(), Size { width: 800, height: 600 });
+        for bad in ["800", "0x5", "5x0", "-1x2", "99999x1", "x", "1x1x1"] {
+            assert!(bad.parse::<Size>().is_err(), "{bad}");
+        }
+        assert_eq!(point("-1,2.5,3e2").unwrap(), DVec3::new(-1.0, 2.5, 300.0));
+        assert!(["1,2", "1,2,3,4", "1,2,nan", ""].iter().all(|bad| point(bad).is_err()));
+        assert!(["0", "-1", "nan", "inf", "x"].iter().all(|bad| length(bad).is_err()));
+        assert!(["0", "1.5", "x"].iter().all(|bad| count(bad).is_err()) && count("1e7").unwrap() == 10_000_000);
+        assert_eq!("none".parse::<Background>().unwrap(), Background(None));
+        assert_eq!("#ffffff".parse::<Background>().unwrap(), "white".parse().unwrap());
+        assert!("c_pe".parse::<Background>().is_err());
+    }
+}

@@ -1,0 +1,227 @@
+//! From what a user says about the camera to a camera: what is not said follows from the box to show.
+//!
+//! Also says why a picture shows nothing, so that no blank picture is left unexplained.
+
+use std::str::FromStr;
+
+use glam::DVec3;
+use rayon::prelude::*;
+
+use super::camera::{Camera, Projection, View, corners, usable_up};
+use super::statistics::{grouped, short};
+use crate::error::{Error, Result};
+use crate::math::Bounds;
+use crate::structure::Spheres;
+
+/// Where the camera looks if nobody says so: from the front right, and from above.
+pub const DIRECTION: DVec3 = DVec3::new(-2.0, -1.3, -1.0);
+
+/// A side to look from, or the default.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Side {
+    /// Where the camera looks; any length.
+    pub direction: DVec3,
+    /// Which way is up in the picture.
+    pub up: DVec3,
+}
+
+impl Default for Side {
+    fn default() -> Self {
+        Self { direction: DIRECTION, up: DVec3::Z }
+    }
+}
+
+impl FromStr for Side {
+    type Err = Error;
+
+    /// Reads `x`, `y`, `z` (from the positive end of that axis), `-x`, `-y`, `-z` (from its negative end) or `iso`. Up is z; from
+    /// above and below it is y.
+    fn from_str(text: &str) -> Result<Self> {
+        let side = |direction| Ok(Self { direction, up: DVec3::Z });
+        match text.strip_prefix('+').unwrap_or(text) {
+            "x" => side(DVec3::NEG_X),
+            "-x" => side(DVec3::X),
+            "y" => side(DVec3::NEG_Y),
+            "-y" => side(DVec3::Y),
+            "z" => Ok(Self { direction: DVec3::NEG_Z, up: DVec3::Y }),
+            "-z" => Ok(Self { direction: DVec3::Z, up: DVec3::Y }),
+            "iso" => side(DVec3::NEG_ONE),
+            _ => Err(Error::setting("--view", text, "known: x y z -x -y -z iso")),
+        }
+    }
+}
+
+/// How rays leave the camera, as far as it is said.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Lens {
+    /// Within a vertical angle of view, in radians.
+    Perspective {
+        /// Angle between the picture's lower and upper edge.
+        vertical_angle: f64,
+    },
+    /// In parallel.
+    Orthographic {
+        /// Height of what the picture shows; `None`: that of the box to show.
+        height: Option<f64>,
+    },
+}
+
+/// What is said about the camera.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Viewpoint {
+    /// Where it stands; `None`: so far back that the box is seen.
+    pub eye: Option<DVec3>,
+    /// What it looks at; `None`: the middle of the box.
+    pub look_at: Option<DVec3>,
+    /// Which way is up; `None`: that of the side.
+    pub up: Option<DVec3>,
+    /// Where it looks if no eye is given.
+    pub side: Side,
+    /// How rays leave it.
+    pub lens: Lens,
+}
+
+impl Viewpoint {
+    /// The camera that shows `bounds` (measured from `origin`) in a picture of that `aspect`, width over height.
+    pub fn camera(&self, bounds: &Bounds, origin: DVec3, aspect: f64) -> Camera {
+        let all = corners(bounds, origin);
+        let (corners, center) = match bounds.is_empty() {
+            true => (&all[..0], origin),
+            false => (&all[..], origin + bounds.center().as_dvec3()),
+        };
+        let target = self.look_at.unwrap_or(center);
+        let direction = self.eye.map_or(self.side.direction, |eye| target - eye);
+        let up = self.up.unwrap_or_else(|| usable_up(direction.normalize_or(DVec3::Y), self.side.up));
+        let angle = match self.lens {
+            Lens::Perspective { vertical_angle } => Some(vertical_angle),
+            Lens::Orthographic { .. } => None,
+        };
+        let mut camera = Camera::framing(center, corners, direction, up, aspect, angle);
+        match self.eye {
+            Some(eye) => (camera.eye, camera.look_at) = (eye, target),
+            None if self.look_at.is_some() => {
+                (camera.eye, camera.look_at) = (camera.eye + (target - camera.look_at), target);
+            }
+            None => {}
+        }
+        // Kept even where it cannot be: the renderer refuses it by name.
+        camera.up = up;
+        if let Lens::Orthographic { height: Some(height) } = self.lens {
+            camera.projection = Projection::Orthographic { height };
+        }
+        camera
+    }
+}
+
+/// Why a picture of these particles shows none of them, in one line.
+pub fn why_unseen(spheres: Spheres, view: &View) -> String {
+    let all = spheres.len();
+    if all == 0 {
+        let dropped = spheres.particles.dropped().total();
+        return match dropped {
+            0 => "0 particles: the frame has none".into(),
+            _ => format!("0 particles: all {} of the frame were dropped", grouped(dropped as usize)),
+        };
+    }
+    let largest = (0..all).into_par_iter().filter_map(|id| size_in_view(spheres, view, id));
+    let (count, largest) = largest.fold(|| (0, 0.0_f64), |a, px| (a.0 + 1, a.1.max(px))).reduce(
+        || (0, 0.0),
+        |a, b| (a.0 + b.0, a.1.max(b.1)),
+    );
+    let all = grouped(all);
+    if count > 0 {
+        return format!(
+            "{} of {all} particles are in view but no sample met one: the largest radius is {} pixels — raise --radius, \
+             --radius-scale or --samples",
+            grouped(count),
+            short(largest)
+        );
+    }
+    let positions = spheres.particles.positions();
+    let bounds = spheres.particles.bounds();
+    let (min, max) = (positions.origin() + bounds.min.as_dvec3(), positions.origin() + bounds.max.as_dvec3());
+    let sides = ["x", "y", "z"].iter().enumerate();
+    let sides: Vec<String> =
+        sides.map(|(axis, name)| format!("{name} {}..{}", short(min[axis]), short(max[axis]))).collect();
+    format!(
+        "0 of {all} particles are in view — the camera looks past them, they are in {}; without --eye, --look-at and --ortho \
+         they are framed",
+        sides.join(", ")
+    )
+}
+
+/// The radius in pixels of particle `id`, if it may be seen in some pixel.
+fn size_in_view(spheres: Spheres, view: &View, id: usize) -> Option<f64> {
+    let (offset, radius) = (spheres.center(id) - view.eye, spheres.radius(id));
+    let depth = offset.dot(view.forward);
+    let scale = if view.perspective { depth } else { 1.0 };
+    let within = |along: f32, half: f32| along.abs() - radius <= half.abs() * scale;
+    let seen = depth > 0.0 && within(offset.dot(view.right), view.left) && within(offset.dot(view.up), view.top);
+    seen.then(|| f64::from(radius) / f64::from(view.pixel * scale))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::particles::{Columns, Particles, Radii};
+    use glam::Vec3;
+
+    fn viewpoint() -> Viewpoint {
+        let lens = Lens::Perspective { vertical_angle: 0.6 };
+        Viewpoint { eye: None, look_at: None, up: None, side: Side::default(), lens }
+    }
+
+    const BOX: Bounds = Bounds { min: Vec3::splat(-1.0), max: Vec3::splat(1.0) };
+
+    #[test]
+    fn what_is_said_is_kept() {
+        let (eye, look_at) = (DVec3::new(9.0, 8.0, 7.0), DVec3::new(1.0, 2.0, 3.0));
+        let said = Viewpoint { eye: Some(eye), look_at: Some(look_at), up: Some(DVec3::Y), ..viewpoint() };
+        let camera = said.camera(&BOX, DVec3::ZERO, 1.5);
+        assert_eq!((camera.eye, camera.look_at, camera.up), (eye, look_at, DVec3::Y));
+        let lens = Lens::Orthographic { height: Some(2.5) };
+        let camera = Viewpoint { lens, ..viewpoint() }.camera(&BOX, DVec3::ZERO, 1.5);
+        assert_eq!(camera.projection, Projection::Orthographic { height: 2.5 });
+    }
+
+    #[test]
+    fn what_is_not_said_follows_from_the_box() {
+        let far = DVec3::splat(1e6);
+        for side in ["x", "-x", "y", "-y", "z", "-z", "iso"] {
+            for lens in [viewpoint().lens, Lens::Orthographic { height: None }] {
+                let side: Side = side.parse().unwrap();
+                let camera = Viewpoint { side, lens, ..viewpoint() }.camera(&BOX, far, 1.5);
+                assert!(camera.look_at.abs_diff_eq(far, 1e-6));
+                assert!((camera.look_at - camera.eye).normalize().abs_diff_eq(side.direction.normalize(), 1e-9));
+                let view = camera.view(far, 30, 20).unwrap();
+                for corner in corners(&BOX, DVec3::ZERO) {
+                    let offset = corner.as_vec3() - view.eye;
+                    let scale = if view.perspective { offset.dot(view.forward) } else { 1.0 };
+                    assert!(offset.dot(view.up).abs() < view.top * scale, "{side:?} {lens:?}");
+                }
+            }
+        }
+        let above = Viewpoint { eye: Some(DVec3::Z * 9.0), ..viewpoint() }.camera(&BOX, DVec3::ZERO, 1.0);
+        assert!(above.view(DVec3::ZERO, 4, 4).is_ok(), "up is found when looking down");
+        let empty = viewpoint().camera(&Bounds::EMPTY, DVec3::ZERO, 1.0);
+        assert!(empty.view(DVec3::ZERO, 4, 4).is_ok());
+    }
+
+    #[test]
+    fn a_blank_picture_is_explained() {
+        let mut columns = Columns::default();
+        columns.positions.extend(&[DVec3::ZERO, DVec3::ONE]);
+        let particles = Particles::new(columns).unwrap();
+        let why = |eye: DVec3, radius: f32| {
+            let radii = Radii::Uniform(radius);
+            let spheres = Spheres { particles: &particles, radii: &radii, radius_scale: 1.0 };
+            let camera = Viewpoint { eye: Some(eye), look_at: Some(DVec3::X * 5.0), ..viewpoint() };
+            let camera = camera.camera(&BOX, DVec3::ZERO, 1.0);
+            why_unseen(spheres, &camera.view(particles.positions().origin(), 10, 10).unwrap())
+        };
+        let past = why(DVec3::X * 4.0, 0.1);
+        assert!(past.starts_with("0 of 2 particles are in view — ") && past.contains("x 0..1"), "{past}");
+        let small = why(DVec3::X * -20.0, 1e-6);
+        assert!(small.starts_with("2 of 2 particles are in view but"), "{small}");
+    }
+}
