@@ -14,7 +14,9 @@ use crate::values::{Background, Degrees, Ortho, Size, Slice, count, length, poin
 /// Particle files to pictures: exact spheres, at any count.
 #[derive(Parser)]
 #[command(name = "tyndall", version, arg_required_else_help = true, propagate_version = true)]
-#[command(after_help = "Exit codes: 0 ok, 2 usage, 3 input, 4 memory or disk, 5 device, 6 some pictures failed, 130 interrupted.")]
+#[command(
+    after_help = "Exit codes: 0 ok, 2 usage, 3 input, 4 memory or disk, 5 device, 6 some pictures failed, 130 interrupted."
+)]
 pub(crate) struct Cli {
     #[command(subcommand)]
     pub(crate) verb: Verb,

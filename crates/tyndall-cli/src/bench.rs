@@ -24,7 +24,11 @@ const SIDE: u32 = 800;
 /// Measures every set at every count.
 pub(crate) fn run(args: &args::Bench, report: &Report) -> Outcome<()> {
     let args::BenchWhat::Spheres = args.what;
-    report.note(format_args!("tyndall {}, {} threads", env!("CARGO_PKG_VERSION"), rayon::current_num_threads()));
+    report.note(format_args!(
+        "tyndall {}, {} threads",
+        env!("CARGO_PKG_VERSION"),
+        rayon::current_num_threads()
+    ));
     let mut table = Table::new();
     for &count in &args.n {
         for set in &args.sets {
@@ -50,7 +54,8 @@ fn measure(set: &str, particles: &Particles, args: &args::Bench, report: &Report
     let build_secs = start.elapsed().as_secs_f64();
     let bytes_per_particle = structure.bytes() as f64 / particles.len().max(1) as f64;
     let colors = ParticleColors::constant([0.7; 3]);
-    let mut scene = Scene { spheres, structure, colors, lighting: Lighting::Headlight, background: Some([1.0; 3]) };
+    let mut scene =
+        Scene { spheres, structure, colors, lighting: Lighting::Headlight, background: Some([1.0; 3]) };
     let mut rows = Vec::new();
     for (name, projection) in PROJECTIONS {
         let camera = camera(projection);
@@ -63,7 +68,14 @@ fn measure(set: &str, particles: &Particles, args: &args::Bench, report: &Report
             scene.lighting = lighting;
             *slot = median_secs(&scene, &camera, samples, runs, report.progress())?;
         }
-        rows.push(Row { set: set.into(), count: particles.len(), camera: name, build_secs, bytes_per_particle, times });
+        rows.push(Row {
+            set: set.into(),
+            count: particles.len(),
+            camera: name,
+            build_secs,
+            bytes_per_particle,
+            times,
+        });
     }
     Ok(rows)
 }
@@ -79,7 +91,13 @@ fn camera(projection: Projection) -> Camera {
     Camera { eye, look_at, up: DVec3::Z, projection }
 }
 
-fn median_secs(scene: &Scene, camera: &Camera, samples: u32, runs: usize, progress: &dyn Progress) -> Outcome<f64> {
+fn median_secs(
+    scene: &Scene,
+    camera: &Camera,
+    samples: u32,
+    runs: usize,
+    progress: &dyn Progress,
+) -> Outcome<f64> {
     let settings = Settings { width: SIDE, height: SIDE, samples, seed: 0 };
     let mut times = Vec::with_capacity(runs);
     for _ in 0..runs {
@@ -108,8 +126,18 @@ struct Table {
 
 impl Table {
     fn new() -> Self {
-        let head = ["set", "particles", "camera", "build s", "B/particle", "1 sample ms", "16 samples ms", "Msamples/s",
-            "default look 16 ms", "Msamples/s"];
+        let head = [
+            "set",
+            "particles",
+            "camera",
+            "build s",
+            "B/particle",
+            "1 sample ms",
+            "16 samples ms",
+            "Msamples/s",
+            "default look 16 ms",
+            "Msamples/s",
+        ];
         Self { rows: vec![head.map(String::from).to_vec()] }
     }
 
@@ -127,13 +155,18 @@ impl Table {
     /// Markdown: words to the left, numbers to the right.
     fn text(&self) -> String {
         let columns = self.rows[0].len();
-        let width = |column: usize| self.rows.iter().map(|row| row[column].chars().count()).max().unwrap_or(0);
+        let width =
+            |column: usize| self.rows.iter().map(|row| row[column].chars().count()).max().unwrap_or(0);
         let is_word = |column: usize| column == 0 || column == 2;
         let mut text = String::new();
         for (place, row) in self.rows.iter().enumerate() {
             for (column, cell) in row.iter().enumerate() {
                 let width = width(column);
-                text += &if is_word(column) { format!("| {cell:<width$} ") } else { format!("| {cell:>width$} ") };
+                text += &if is_word(column) {
+                    format!("| {cell:<width$} ")
+                } else {
+                    format!("| {cell:>width$} ")
+                };
             }
             text += "|\n";
             if place == 0 {

@@ -40,7 +40,9 @@ fn available_bytes() -> Option<u64> {
         Some(line.trim().strip_suffix("kB")?.trim().parse::<u64>().ok()? * 1024)
     });
     let of_group = || -> Option<u64> {
-        let number = |name: &str| std::fs::read_to_string(format!("/sys/fs/cgroup/{name}")).ok()?.trim().parse::<u64>().ok();
+        let number = |name: &str| {
+            std::fs::read_to_string(format!("/sys/fs/cgroup/{name}")).ok()?.trim().parse::<u64>().ok()
+        };
         Some(number("memory.max")?.saturating_sub(number("memory.current")?))
     };
     match (of_machine, of_group()) {

@@ -20,7 +20,8 @@ pub(crate) fn man(verb: Option<&str>) -> Outcome<()> {
         None => command,
         Some(name) => {
             let found = command.find_subcommand(name).cloned();
-            let found = found.ok_or_else(|| Failure::Usage(format!("no verb '{name}' — see tyndall --help")))?;
+            let found =
+                found.ok_or_else(|| Failure::Usage(format!("no verb '{name}' — see tyndall --help")))?;
             let full_name: &'static str = format!("tyndall-{name}").leak();
             found.name(full_name)
         }

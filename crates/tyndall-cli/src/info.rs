@@ -68,14 +68,16 @@ fn cell(particles: &Particles) -> Option<String> {
     let along_axes = (0..3).all(|axis| (0..3).all(|other| axis == other || edge(axis)[other] == 0.0));
     let kind = if along_axes { "orthogonal" } else { "triclinic" };
     let edges: Vec<String> = (0..3).map(|axis| short(edge(axis).length())).collect();
-    let repeats: Vec<&str> = cell.periodic.iter().map(|&periodic| if periodic { "pp" } else { "ff" }).collect();
+    let repeats: Vec<&str> =
+        cell.periodic.iter().map(|&periodic| if periodic { "pp" } else { "ff" }).collect();
     let unit = particles.length_unit().map_or(String::new(), |unit| format!(" {unit}"));
     Some(format!("cell {kind} {}{unit} {}", edges.join("×"), repeats.join(" ")))
 }
 
 /// A column's name, type and unit: `vel f32[3] m/s`.
 fn column(attribute: &Attribute) -> String {
-    let components = if attribute.components == 1 { String::new() } else { format!("[{}]", attribute.components) };
+    let components =
+        if attribute.components == 1 { String::new() } else { format!("[{}]", attribute.components) };
     let unit = attribute.unit.as_ref().map_or(String::new(), |unit| format!(" {unit}"));
     format!("{} {}{components}{unit}", attribute.name, attribute.values.type_name())
 }

@@ -14,9 +14,7 @@ pub(crate) fn describe(sequence: &Sequence, number: usize, frame: &Frame) -> Str
         let vectors = cell.vectors.map(|vector| vector.to_array());
         json!({ "origin": cell.origin.to_array(), "vectors": vectors, "periodic": cell.periodic })
     });
-    let attribute = |it: &Attribute| {
-        json!({ "name": it.name, "type": it.values.type_name(), "components": it.components, "unit": it.unit })
-    };
+    let attribute = |it: &Attribute| json!({ "name": it.name, "type": it.values.type_name(), "components": it.components, "unit": it.unit });
     let object = json!({
         "format": sequence.format(),
         "paths": paths,
@@ -46,9 +44,11 @@ fn particle(particles: &Particles, id: usize) -> Option<Value> {
     let mut object = Map::new();
     object.insert("position".into(), json!(particles.world_position(id)));
     for attribute in particles.attributes() {
-        let values: Vec<Value> =
-            (0..attribute.components).map(|at| value(&attribute.values, id * attribute.components + at)).collect();
-        let value = if attribute.components == 1 { values.into_iter().next() } else { Some(Value::from(values)) };
+        let values: Vec<Value> = (0..attribute.components)
+            .map(|at| value(&attribute.values, id * attribute.components + at))
+            .collect();
+        let value =
+            if attribute.components == 1 { values.into_iter().next() } else { Some(Value::from(values)) };
         object.entry(attribute.name.clone()).or_insert(value.unwrap_or_default());
     }
     Some(object.into())
@@ -58,7 +58,9 @@ fn particle(particles: &Particles, id: usize) -> Option<Value> {
 fn value(values: &Values, place: usize) -> Value {
     match values {
         // Through its shortest digits, so that 0.8 is not told as 0.800000011920929.
-        Values::F32(column) => json!(column[place].to_string().parse::<f64>().ok().filter(|it| it.is_finite())),
+        Values::F32(column) => {
+            json!(column[place].to_string().parse::<f64>().ok().filter(|it| it.is_finite()))
+        }
         Values::F64(column) => json!(Some(column[place]).filter(|it| it.is_finite())),
         Values::I32(column) => json!(column[place]),
         Values::I64(column) => json!(column[place]),

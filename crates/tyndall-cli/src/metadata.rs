@@ -37,7 +37,11 @@ fn command_line() -> String {
     let quoted = std::env::args_os().enumerate().map(|(place, word)| {
         let word = if place == 0 { "tyndall".into() } else { word.to_string_lossy().into_owned() };
         let plain = |letter: char| letter.is_alphanumeric() || "_-+=:,./%@".contains(letter);
-        if !word.is_empty() && word.chars().all(plain) { word } else { format!("'{}'", word.replace('\'', r"'\''")) }
+        if !word.is_empty() && word.chars().all(plain) {
+            word
+        } else {
+            format!("'{}'", word.replace('\'', r"'\''"))
+        }
     });
     quoted.collect::<Vec<_>>().join(" ")
 }

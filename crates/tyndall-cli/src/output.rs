@@ -15,7 +15,8 @@ impl Pattern {
     pub(crate) fn new(path: &Path) -> Self {
         let text = path.to_str().unwrap_or_default();
         let found = percent(text).or_else(|| houdini(text)).or_else(|| hashes(text));
-        let (start, end, digits) = found.map_or((0, 0, None), |(start, end, digits)| (start, end, Some(digits)));
+        let (start, end, digits) =
+            found.map_or((0, 0, None), |(start, end, digits)| (start, end, Some(digits)));
         Self { before: text[..start].into(), digits, after: text[end..].into(), path: path.into() }
     }
 

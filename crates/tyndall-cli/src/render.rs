@@ -32,7 +32,11 @@ pub(crate) fn run(args: &args::Render, report: &Report) -> Outcome<()> {
     let job = Job::new(args, report)?;
     // What cannot work is refused before the reading.
     write::check(&job.pattern.name(0)).map_err(Failure::Output)?;
-    dry_run::check_memory(&Work::of_count(input::known_count(&args.input.files)?, job.structure, job.settings))?;
+    dry_run::check_memory(&Work::of_count(
+        input::known_count(&args.input.files)?,
+        job.structure,
+        job.settings,
+    ))?;
     let sequence = input::open(&args.input)?;
     let pictures = job.pictures(&sequence)?;
     if args.method.dry_run {
@@ -70,7 +74,9 @@ struct Job<'a> {
 impl<'a> Job<'a> {
     fn new(args: &'a args::Render, report: &'a Report) -> Outcome<Self> {
         if args.method.mode == Mode::Medium {
-            return Err(Failure::Usage("--mode medium is not in this version — leave it out to render spheres".into()));
+            return Err(Failure::Usage(
+                "--mode medium is not in this version — leave it out to render spheres".into(),
+            ));
         }
         let args::Picture { size, samples, seed, background, alpha, .. } = &args.picture;
         let settings = Settings { width: size.width, height: size.height, samples: *samples, seed: *seed };
@@ -199,8 +205,10 @@ impl<'a> Job<'a> {
         }
         let Some((frame, _, first)) = failures.first() else { return Ok(()) };
         let failed: usize = failures.iter().map(|(_, count, _)| count).sum();
-        let text =
-            format!("{failed} of {} pictures failed, {written} were written (first failure: frame {frame})", pictures.len());
+        let text = format!(
+            "{failed} of {} pictures failed, {written} were written (first failure: frame {frame})",
+            pictures.len()
+        );
         if written + skipped == 0 && failures.iter().all(|(_, _, it)| it.code() == first.code()) {
             // Nothing was achieved: the reason counts, not that it came often.
             self.report.note(format_args!("{text}"));
@@ -223,7 +231,8 @@ impl<'a> Job<'a> {
         written: &mut usize,
     ) -> Outcome<()> {
         let start = Instant::now();
-        let Frame { particles, conventions, .. } = input::read(sequence, number, &self.args.input, self.report)?;
+        let Frame { particles, conventions, .. } =
+            input::read(sequence, number, &self.args.input, self.report)?;
         self.report.detail(format_args!("read: {}", seconds(start.elapsed().as_secs_f64())));
         let is_first = kept.is_none();
         let work = Work::of(&particles, self.structure, self.settings);
@@ -242,7 +251,8 @@ impl<'a> Job<'a> {
         let guesses = self.guesses(&conventions, spheres, &radius_text, &colors, &framing_text);
         if is_first {
             self.report.note(format_args!("tyndall: {}", guesses.join(" · ")));
-            let range = colors.legend.as_ref().map(|legend| (legend.norm, Range::Given(legend.low, legend.high)));
+            let range =
+                colors.legend.as_ref().map(|legend| (legend.norm, Range::Given(legend.low, legend.high)));
             let uniform = matches!(radii, Radii::Uniform(_)).then(|| radii.clone());
             *kept = Some(Kept { camera, uniform, range: range.filter(|_| self.args.frames.fixed_range) });
         } else {

@@ -44,7 +44,11 @@ impl fmt::Display for Failure {
         match self {
             Self::Library(error @ Error::Memory { what, needed_bytes, available_bytes, hint }) => {
                 let (needed, available) = (bytes(*needed_bytes), bytes(*available_bytes));
-                write!(f, "error[E-{}]: {what} needs {needed}, {available} are available — {hint}", error.code())
+                write!(
+                    f,
+                    "error[E-{}]: {what} needs {needed}, {available} are available — {hint}",
+                    error.code()
+                )
             }
             Self::Library(error) | Self::Output(error) => write!(f, "error[E-{}]: {error}", error.code()),
             Self::Usage(text) => write!(f, "error[E-usage]: {text}"),
@@ -140,7 +144,9 @@ impl Report {
 pub(crate) fn print(text: &[u8]) -> Outcome<()> {
     let mut out = io::stdout().lock();
     match out.write_all(text).and_then(|()| out.flush()) {
-        Err(error) if error.kind() != io::ErrorKind::BrokenPipe => Err(Failure::Output(Error::io("stdout", error))),
+        Err(error) if error.kind() != io::ErrorKind::BrokenPipe => {
+            Err(Failure::Output(Error::io("stdout", error)))
+        }
         _ => Ok(()),
     }
 }
@@ -179,14 +185,20 @@ mod tests {
     #[test]
     fn who_can_mend_it_decides_the_exit_code() {
         let io = || Error::io("a", io::Error::from(io::ErrorKind::NotFound));
-        let memory =
-            Error::Memory { what: "it".into(), needed_bytes: 2 << 30, available_bytes: 1 << 30, hint: "try".into() };
+        let memory = Error::Memory {
+            what: "it".into(),
+            needed_bytes: 2 << 30,
+            available_bytes: 1 << 30,
+            hint: "try".into(),
+        };
         let code = |failure: Failure| failure.code();
         assert_eq!(code(Error::setting("a", "b", "c").into()), 2);
         assert_eq!((code(io().into()), code(Failure::Output(io()))), (3, 4));
         let memory = Failure::from(memory);
-        assert_eq!((memory.to_string(), memory.code()),
-            ("error[E-memory]: it needs 2.0 GiB, 1.0 GiB are available — try".into(), 4));
+        assert_eq!(
+            (memory.to_string(), memory.code()),
+            ("error[E-memory]: it needs 2.0 GiB, 1.0 GiB are available — try".into(), 4)
+        );
         assert_eq!((code(Error::Device("x".into()).into()), code(Error::Interrupted.into())), (5, 130));
     }
 }

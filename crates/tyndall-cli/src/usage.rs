@@ -17,7 +17,11 @@ pub(crate) fn explain(error: &Error) -> ExitCode {
     if wanted || error.kind() == ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand {
         let text = error.render();
         // Help is printed as the terminal allows; where it cannot be printed, there is nobody to tell.
-        let _ = if wanted { print(text.to_string().as_bytes()) } else { error.print().map_err(|_| Failure::Usage(String::new())) };
+        let _ = if wanted {
+            print(text.to_string().as_bytes())
+        } else {
+            error.print().map_err(|_| Failure::Usage(String::new()))
+        };
         return ExitCode::from(if wanted { 0 } else { 2 });
     }
     let failure = Failure::Usage(one_line(error));
@@ -28,7 +32,8 @@ pub(crate) fn explain(error: &Error) -> ExitCode {
 /// The error without its layout. Where one of our own values was refused, its reason stands for itself.
 fn one_line(error: &Error) -> String {
     if let Some(reason) = error.source().and_then(|source| source.downcast_ref::<tyndall::Error>()) {
-        let argument = error.get(clap::error::ContextKind::InvalidArg).map(ToString::to_string).unwrap_or_default();
+        let argument =
+            error.get(clap::error::ContextKind::InvalidArg).map(ToString::to_string).unwrap_or_default();
         let flag = argument.split(' ').next().unwrap_or_default();
         return match reason {
             tyndall::Error::Setting { value, allowed, .. } if flag.starts_with("--") => {

@@ -19,8 +19,8 @@ impl FromStr for Size {
     fn from_str(text: &str) -> Result<Self> {
         let side = |text: &str| text.trim().parse().ok().filter(|side| (1..=65536).contains(side));
         let sides = text.split_once(['x', 'X', '×']).and_then(|(w, h)| Some((side(w)?, side(h)?)));
-        let (width, height) =
-            sides.ok_or_else(|| Error::setting("--size", text, "WIDTHxHEIGHT, from 1x1 to 65536x65536 pixels"))?;
+        let (width, height) = sides
+            .ok_or_else(|| Error::setting("--size", text, "WIDTHxHEIGHT, from 1x1 to 65536x65536 pixels"))?;
         Ok(Self { width, height })
     }
 }
@@ -31,7 +31,11 @@ pub(crate) fn point(text: &str) -> Result<DVec3> {
         text.split(',').map(|part| part.trim().parse().ok().filter(|it: &f64| it.is_finite())).collect();
     match numbers.as_deref() {
         Some([x, y, z]) => Ok(DVec3::new(*x, *y, *z)),
-        _ => Err(Error::setting("a point or direction", text, "three numbers X,Y,Z with commas and without spaces")),
+        _ => Err(Error::setting(
+            "a point or direction",
+            text,
+            "three numbers X,Y,Z with commas and without spaces",
+        )),
     }
 }
 
@@ -45,7 +49,9 @@ pub(crate) fn length(text: &str) -> Result<f32> {
 pub(crate) fn count(text: &str) -> Result<u64> {
     let number = text.replace('_', "").parse().ok();
     let whole = number.filter(|it: &f64| (1.0..4e9).contains(it) && it.fract() == 0.0);
-    whole.map(|it| it as u64).ok_or_else(|| Error::setting("--n", text, "counts from 1 to 4e9, such as 1e6,1e7"))
+    whole
+        .map(|it| it as u64)
+        .ok_or_else(|| Error::setting("--n", text, "counts from 1 to 4e9, such as 1e6,1e7"))
 }
 
 /// An angle.
@@ -89,7 +95,11 @@ impl FromStr for Background {
         match text.parse() {
             _ if matches!(text, "none" | "transparent") => Ok(Self(None)),
             Ok(Coloring::Constant(color)) => Ok(Self(Some(color))),
-            _ => Err(Error::setting("--background", text, "white, black, none, #rrggbb or the name of a color in CSS")),
+            _ => Err(Error::setting(
+                "--background",
+                text,
+                "white, black, none, #rrggbb or the name of a color in CSS",
+            )),
         }
     }
 }
@@ -106,14 +116,17 @@ impl FromStr for Slice {
     type Err = Error;
 
     fn from_str(text: &str) -> Result<Self> {
-        let wanted = || Error::setting("--frames", text, "START:STOP:STEP as in Python, such as 10:20, ::5 or -3:");
+        let wanted =
+            || Error::setting("--frames", text, "START:STOP:STEP as in Python, such as 10:20, ::5 or -3:");
         let number = |part: &str| match part.trim() {
             "" => Ok(None),
             digits => digits.parse().map(Some).map_err(|_| wanted()),
         };
         let parts: Vec<Option<i64>> = text.split(':').map(number).collect::<Result<_>>()?;
         let (start, stop, step) = match parts[..] {
-            [start @ Some(frame)] => return Ok(Self { start, stop: frame.checked_add(1).filter(|&it| it != 0), step: 1 }),
+            [start @ Some(frame)] => {
+                return Ok(Self { start, stop: frame.checked_add(1).filter(|&it| it != 0), step: 1 });
+            }
             [start, stop] => (start, stop, None),
             [start, stop, step] => (start, stop, step),
             _ => return Err(wanted()),
@@ -148,7 +161,9 @@ pub(crate) fn frame(number: i64, count: usize) -> Result<usize> {
     let found = usize::try_from(from_start).ok().filter(|&it| it < count);
     found.ok_or_else(|| match count {
         1 => Error::setting("--frame", number, "there is only frame 0"),
-        _ => Error::setting("--frame", number, format!("there are frames 0 to {}, -1 is the last", count - 1)),
+        _ => {
+            Error::setting("--frame", number, format!("there are frames 0 to {}, -1 is the last", count - 1))
+        }
     })
 }
 
@@ -197,7 +212,9 @@ mod tests {
         assert_eq!(point("-1,2.5,3e2").unwrap(), DVec3::new(-1.0, 2.5, 300.0));
         assert!(["1,2", "1,2,3,4", "1,2,nan", ""].iter().all(|bad| point(bad).is_err()));
         assert!(["0", "-1", "nan", "inf", "x"].iter().all(|bad| length(bad).is_err()));
-        assert!(["0", "1.5", "x"].iter().all(|bad| count(bad).is_err()) && count("1e7").unwrap() == 10_000_000);
+        assert!(
+            ["0", "1.5", "x"].iter().all(|bad| count(bad).is_err()) && count("1e7").unwrap() == 10_000_000
+        );
         assert_eq!("none".parse::<Background>().unwrap(), Background(None));
         assert_eq!("#ffffff".parse::<Background>().unwrap(), "white".parse().unwrap());
         assert!("c_pe".parse::<Background>().is_err());

@@ -57,14 +57,16 @@ impl Work {
             Kind::Brute => 16,
         };
         let pixels = u64::from(self.settings.width) * u64::from(self.settings.height);
-        let particles = self.particles.saturating_mul(structure + COLOR_BYTES).saturating_add(self.columns_bytes);
+        let particles =
+            self.particles.saturating_mul(structure + COLOR_BYTES).saturating_add(self.columns_bytes);
         particles.saturating_add(pixels * PIXEL_BYTES)
     }
 
     /// The time that it takes `threads` cores to build and render, in seconds.
     pub fn seconds(&self, threads: usize) -> f64 {
-        let samples =
-            f64::from(self.settings.width) * f64::from(self.settings.height) * f64::from(self.settings.samples);
+        let samples = f64::from(self.settings.width)
+            * f64::from(self.settings.height)
+            * f64::from(self.settings.samples);
         let sample = if self.traced { TRACED_SECS } else { PRIMARY_SECS };
         let (build, tries) = match self.structure {
             Kind::Brute => (0.0, self.particles as f64 / 16.0),

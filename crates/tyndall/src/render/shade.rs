@@ -5,7 +5,7 @@ use glam::{Vec2, Vec3};
 use super::sampling::{Dimension, point};
 use crate::scene::light::{KeyLight, Sky};
 
-/// Directions toward the light of one sample of the pixels of one class.
+/// Directions toward the light of one sample.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct LightSample {
     /// A point of the key light.
@@ -14,17 +14,14 @@ pub(crate) struct LightSample {
     pub(crate) sky: Vec3,
 }
 
-/// Classes of pixels whose samples look in directions of their own. Pixel (x, y) has class `y % 2 * 2 + x % 2`: the pattern hides
-/// what few directions would show.
-pub(crate) const CLASSES: usize = 4;
-
-/// The directions of sample `sample` of the pixels of `class`.
+/// The directions of sample `sample`.
 ///
-/// They are the same for all pixels of a class, so that shadow rays are parallel; over the samples they cover the lights evenly.
-pub(crate) fn light_sample(key: &KeyLight, seed: u32, sample: u32, class: u32) -> LightSample {
+/// They are the same for all pixels, so that shadow rays are parallel; over the samples they cover the lights evenly, and what
+/// would be noise is the sum of many hard shadows.
+pub(crate) fn light_sample(key: &KeyLight, seed: u32, sample: u32) -> LightSample {
     LightSample {
-        key: in_cone(key.toward, key.angular_radius, point(seed, Dimension::Key, class, sample).into()),
-        sky: on_sphere(point(seed, Dimension::Sky, class, sample).into()),
+        key: in_cone(key.toward, key.angular_radius, point(seed, Dimension::Key, 0, sample).into()),
+        sky: on_sphere(point(seed, Dimension::Sky, 0, sample).into()),
     }
 }
 
@@ -66,7 +63,7 @@ mod tests {
         let key = KeyLight { toward: Vec3::X, angular_radius: 0.1, strength: 1.0 };
         for normal in [Vec3::X, Vec3::NEG_Y, Vec3::new(0.6, 0.0, 0.8)] {
             let count = 1024;
-            let lights = (0..count).map(|sample| light_sample(&key, 7, sample, 0));
+            let lights = (0..count).map(|sample| light_sample(&key, 7, sample));
             let mean = lights
                 .map(|light| sky_radiance(&sky, light.sky) * normal.dot(light.sky).max(0.0))
                 .sum::<f32>()
@@ -79,7 +76,7 @@ mod tests {
     fn key_light_directions_stay_in_their_cone() {
         let key = KeyLight { toward: Vec3::new(0.36, 0.48, 0.8), angular_radius: 0.1, strength: 1.0 };
         for sample in 0..500 {
-            let light = light_sample(&key, 3, sample, sample % 4);
+            let light = light_sample(&key, 3, sample);
             assert!(light.key.dot(key.toward) > 0.1_f32.cos() - 1e-6 && light.key.is_normalized());
         }
     }

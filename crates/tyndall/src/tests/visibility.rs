@@ -183,16 +183,17 @@ fn rays_find_what_brute_force_finds() {
             let except = (random.below(2) == 0 && count > 0).then(|| random.below(count as u32));
             let expected = brute.intersect(&ray, except);
             for (kind, structure) in KINDS.iter().zip(&structures) {
-                assert_eq!(
-                    structure.intersect(&ray, except),
-                    expected,
-                    "seed {seed}: {law:?}, {kind:?}, {ray:?}"
-                );
+                let found = structure.intersect(&ray, except);
+                let of = |hit: Option<Hit>| hit.map(|hit| (hit.t, hit.id));
+                assert_eq!(of(found), of(expected), "seed {seed}: {law:?}, {kind:?}, {ray:?}");
                 assert_eq!(
                     structure.occluded(&ray, except),
                     expected.is_some(),
                     "seed {seed}: {law:?}, {kind:?}"
                 );
+                if let Some(hit) = found {
+                    assert_eq!(structure.sphere(hit.node).2, hit.id, "seed {seed}: {law:?}, {kind:?}");
+                }
             }
         }
     }

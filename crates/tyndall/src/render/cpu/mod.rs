@@ -1,7 +1,7 @@
 //! The CPU: threads over tiles of the film, and what happens in a tile.
 //!
 //! A film tile of 32 x 32 pixels is the unit of work. A pass finds what its rays meet (the tile sample buffer of `tiles` for the
-//! hierarchy, a ray each for other structures), then lights it, sixteen pixels of one class at a time.
+//! hierarchy, a ray each for other structures), then lights it, sixteen neighboring pixels at a time.
 
 mod shadows;
 mod tiles;
@@ -12,7 +12,7 @@ use glam::Vec3;
 use rayon::prelude::*;
 
 use super::sampling::{Dimension, point};
-use super::shade::{CLASSES, LightSample, key_radiance, light_sample, sky_radiance};
+use super::shade::{LightSample, key_radiance, light_sample, sky_radiance};
 use crate::film::Image;
 use crate::progress::Progress;
 use crate::scene::Scene;
@@ -116,8 +116,8 @@ pub(crate) struct Pass<'a> {
     offsets: Vec<[[f32; 2]; RAYS]>,
     /// The sample nearest the pixel's center and its squared distance from it, by pixel of the pattern.
     nearest: Vec<(usize, f32)>,
-    /// Light directions by sample and class.
-    lights: Vec<[LightSample; CLASSES]>,
+    /// Light directions by sample, the same for all pixels.
+    lights: Vec<LightSample>,
 }
 
 impl<'a> Pass<'a> {
@@ -147,9 +147,9 @@ impl<'a> Pass<'a> {
         };
         let nearest = offsets.iter().map(nearest).collect();
         let lights = match &scene.lighting {
-            Lighting::Studio(key, _) => (first..first + count)
-                .map(|sample| std::array::from_fn(|class| light_sample(key, seed, sample, class as u32)))
-                .collect(),
+            Lighting::Studio(key, _) => {
+                (first..first + count).map(|sample| light_sample(key, seed, sample)).collect()
+            }
             _ => Vec::new(),
         };
         let block_px = match samples {
@@ -202,8 +202,8 @@ fn render_film_tile<S: Simd>(simd: S, pass: &Pass, film_tile: &mut FilmTile, scr
                 for area_x in (0..tile_px).step_by(PATTERN) {
                     let area = Area { in_tile: (area_x, area_y), in_film: (x + area_x, y + area_y) };
                     for sample in 0..pass.samples {
-                        for class in 0..CLASSES {
-                            shade_class(simd, pass, &area, sample, class, film_tile, scratch);
+                        for quarter in 0..4 {
+                            shade_quarter(simd, pass, &area, sample, quarter, film_tile, scratch);
                         }
                     }
                 }
@@ -292,19 +292,19 @@ fn set_rays<S: Simd>(simd: S, pass: &Pass, corner: (usize, usize), tile: &mut Ti
     }
 }
 
-/// Lights what one sample of the sixteen pixels of a class met in an area, and adds it to the film.
+/// Lights what one sample of the 4 x 4 pixels of a quarter of the area met, and adds it to the film.
 #[simd]
-fn shade_class<S: Simd>(
+fn shade_quarter<S: Simd>(
     simd: S,
     pass: &Pass,
     area: &Area,
     sample: usize,
-    class: usize,
+    quarter: usize,
     film_tile: &mut FilmTile,
     scratch: &mut Scratch,
 ) {
     let scene = pass.scene;
-    let in_area = |lane: usize| (lane % 4 * 2 + class % 2, lane / 4 * 2 + class / 2);
+    let in_area = |lane: usize| (lane % 4 + quarter % 2 * 4, lane / 4 + quarter / 2 * 4);
 
     // What was met.
     let mut hits = 0_u32;
@@ -360,7 +360,7 @@ fn shade_class<S: Simd>(
         Lighting::Flat => f32x16::splat(simd, 1.0),
         Lighting::Headlight => (-normal.dot(direction)).max(zero),
         Lighting::Studio(key, sky) => {
-            let light = &pass.lights[sample][class];
+            let light = &pass.lights[sample];
             let mut points = Points { position: [[0.0; RAYS]; 3], on: node };
             center.plus(normal.times(f32x16::load_array(simd, radius))).store(&mut points.position);
             let mut sum = zero;
