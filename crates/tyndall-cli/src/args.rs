@@ -13,7 +13,13 @@ use crate::values::{Background, Degrees, Ortho, Size, Slice, count, length, poin
 
 /// Particle files to pictures: exact spheres, at any count.
 #[derive(Parser)]
-#[command(name = "tyndall", version, arg_required_else_help = true, propagate_version = true)]
+#[command(
+    name = "tyndall",
+    version,
+    arg_required_else_help = true,
+    propagate_version = true,
+    args_override_self = true
+)]
 #[command(
     after_help = "Exit codes: 0 ok, 2 usage, 3 input, 4 memory or disk, 5 device, 6 some pictures failed, 130 interrupted."
 )]
@@ -140,7 +146,7 @@ pub(crate) struct Picture {
     #[arg(long, value_name = "BITS", default_value = "8", value_parser = ["8", "16"])]
     pub(crate) bits: String,
     /// Pixels an inch on paper, written into the file
-    #[arg(long, value_name = "DPI")]
+    #[arg(long, value_name = "DPI", allow_hyphen_values = true)]
     pub(crate) dpi: Option<f64>,
     /// Behind the particles: white, black, none (transparent), #rrggbb or a color's name
     #[arg(long, value_name = "COLOR", default_value = "white")]
@@ -191,10 +197,10 @@ pub(crate) struct CameraArgs {
     #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, value_parser = point)]
     pub(crate) up: Option<DVec3>,
     /// Vertical angle of view, in degrees [default: 35]
-    #[arg(long, value_name = "DEGREES", conflicts_with = "ortho")]
+    #[arg(long, value_name = "DEGREES", conflicts_with = "ortho", allow_hyphen_values = true)]
     pub(crate) fov: Option<Degrees>,
     /// Parallel rays; the height of what the picture shows, or auto
-    #[arg(long, value_name = "HEIGHT")]
+    #[arg(long, value_name = "HEIGHT", allow_hyphen_values = true)]
     pub(crate) ortho: Option<Ortho>,
     /// Frames far outliers too
     #[arg(long)]
@@ -221,10 +227,10 @@ pub(crate) struct Look {
     #[arg(long, value_name = "LOW:HIGH", default_value = "auto", allow_hyphen_values = true)]
     pub(crate) range: Range,
     /// One radius for all particles [default: the file's, else by element, else half the usual distance]
-    #[arg(long, value_name = "R", value_parser = length)]
+    #[arg(long, value_name = "R", value_parser = length, allow_hyphen_values = true)]
     pub(crate) radius: Option<f32>,
     /// What every radius is multiplied with
-    #[arg(long, value_name = "S", default_value = "1", value_parser = length)]
+    #[arg(long, value_name = "S", default_value = "1", value_parser = length, allow_hyphen_values = true)]
     pub(crate) radius_scale: f32,
     /// Light
     #[arg(long, value_name = "LOOK", default_value = "default")]
@@ -330,6 +336,9 @@ pub(crate) struct Bench {
     /// Sets of particles
     #[arg(long, value_name = "NAMES", value_delimiter = ',', default_value = "packed,uniform,clustered")]
     pub(crate) sets: Vec<String>,
+    /// Pixels across and down; other than the default compares with nothing
+    #[arg(long, value_name = "WxH", default_value = "800x800")]
+    pub(crate) size: Size,
     #[command(flatten)]
     pub(crate) structure: StructureArgs,
     #[command(flatten)]

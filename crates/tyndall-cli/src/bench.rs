@@ -19,8 +19,6 @@ use crate::args;
 use crate::render::structure;
 use crate::report::{Outcome, Report, bytes};
 
-const SIDE: u32 = 800;
-
 /// Measures every set at every count.
 pub(crate) fn run(args: &args::Bench, report: &Report) -> Outcome<()> {
     let args::BenchWhat::Spheres = args.what;
@@ -59,23 +57,22 @@ fn measure(set: &str, particles: &Particles, args: &args::Bench, report: &Report
     let mut rows = Vec::new();
     for (name, projection) in PROJECTIONS {
         let camera = camera(projection);
-        let view = camera.view(particles.positions().origin(), SIDE, SIDE)?;
+        let view = camera.view(particles.positions().origin(), args.size.width, args.size.height)?;
         let studio = Lighting::studio(view.forward, view.right, view.up);
         let mut times = [0.0; 3];
         for (slot, (lighting, samples, runs)) in
             times.iter_mut().zip([(Lighting::Headlight, 1, 5), (Lighting::Headlight, 16, 3), (studio, 16, 3)])
         {
             scene.lighting = lighting;
-            *slot = median_secs(&scene, &camera, samples, runs, report.progress())?;
+            *slot = {
+                let settings =
+                    Settings { width: args.size.width, height: args.size.height, samples, seed: 0 };
+                median_secs(&scene, &camera, &settings, runs, report.progress())?
+            };
         }
-        rows.push(Row {
-            set: set.into(),
-            count: particles.len(),
-            camera: name,
-            build_secs,
-            bytes_per_particle,
-            times,
-        });
+        let pixels = f64::from(args.size.width) * f64::from(args.size.height);
+        let (set, count) = (set.into(), particles.len());
+        rows.push(Row { set, count, camera: name, build_secs, bytes_per_particle, times, pixels });
     }
     Ok(rows)
 }
@@ -94,15 +91,14 @@ fn camera(projection: Projection) -> Camera {
 fn median_secs(
     scene: &Scene,
     camera: &Camera,
-    samples: u32,
+    settings: &Settings,
     runs: usize,
     progress: &dyn Progress,
 ) -> Outcome<f64> {
-    let settings = Settings { width: SIDE, height: SIDE, samples, seed: 0 };
     let mut times = Vec::with_capacity(runs);
     for _ in 0..runs {
         let start = Instant::now();
-        render(scene, camera, &settings, progress)?;
+        render(scene, camera, settings, progress)?;
         times.push(start.elapsed().as_secs_f64());
     }
     times.sort_by(f64::total_cmp);
@@ -117,6 +113,7 @@ struct Row {
     build_secs: f64,
     bytes_per_particle: f64,
     times: [f64; 3],
+    pixels: f64,
 }
 
 /// Cells, aligned when printed.
@@ -142,7 +139,7 @@ impl Table {
     }
 
     fn add(&mut self, row: Row) {
-        let million_samples = 16.0 * f64::from(SIDE) * f64::from(SIDE) * 1e-6;
+        let million_samples = 16e-6 * row.pixels;
         let [one, sixteen, look] = row.times;
         let millis = |secs: f64| format!("{:.1}", 1e3 * secs);
         let rate = |secs: f64| format!("{:.1}", million_samples / secs);

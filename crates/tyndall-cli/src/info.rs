@@ -5,7 +5,7 @@ use tyndall::scene::{grouped, short};
 use tyndall_io::{Frame, Sequence};
 
 use crate::args;
-use crate::report::{Outcome, Report};
+use crate::report::{Outcome, Report, counted};
 use crate::values::frame as frame_number;
 use crate::{input, json};
 
@@ -23,16 +23,13 @@ pub(crate) fn run(args: &args::Info, report: &Report) -> Outcome<()> {
 /// A few lines for people.
 fn text(sequence: &Sequence, number: usize, frame: &Frame) -> String {
     let particles = &frame.particles;
-    let frames = match sequence.len() {
-        1 => "1 frame".to_string(),
-        count => format!("{} frames", grouped(count)),
-    };
+    let frames = counted(sequence.len(), "frame");
     let files = match sequence.paths() {
         [_] => String::new(),
         paths => format!(" in {} files", grouped(paths.len())),
     };
     let mut lines =
-        vec![format!("{} · {frames}{files} · {} particles", sequence.format(), grouped(particles.len()))];
+        vec![format!("{} · {frames}{files} · {}", sequence.format(), counted(particles.len(), "particle"))];
     if sequence.len() > 1 {
         lines.push(format!("frame {number}: {}", sequence.name(number)));
     }

@@ -15,7 +15,7 @@ use tyndall::scene::color::{ParticleColors, resolve};
 use tyndall::scene::coloring::{Norm, Range};
 use tyndall::scene::light::Lighting;
 use tyndall::scene::viewpoint::{Lens, Viewpoint, why_unseen};
-use tyndall::scene::{Scene, grouped, short};
+use tyndall::scene::{Scene, short};
 use tyndall::structure::{Kind, Spheres, Structure, pkd};
 use tyndall::{Error, Image};
 use tyndall_io::write::{self, ImageOptions};
@@ -23,7 +23,7 @@ use tyndall_io::{Frame, Sequence};
 
 use crate::args::{self, LightLook, Mode, PkdAxis, PkdOrder, StructureArgs, StructureName};
 use crate::output::Pattern;
-use crate::report::{Failure, Outcome, Report, seconds};
+use crate::report::{Failure, Outcome, Report, counted, seconds};
 use crate::values::{Degrees, frame as frame_number};
 use crate::{dry_run, input, metadata, progress};
 
@@ -157,9 +157,9 @@ impl<'a> Job<'a> {
             0 => {
                 let frame = input::read(sequence, pictures[0].frame, &self.args.input, self.report)?;
                 self.report.note(format_args!(
-                    "tyndall: {} · {} particles",
+                    "tyndall: {} · {}",
                     sequence.format(),
-                    grouped(frame.particles.len())
+                    counted(frame.particles.len(), "particle")
                 ));
                 Work::of(&frame.particles, self.structure, self.settings)
             }
@@ -201,7 +201,7 @@ impl<'a> Job<'a> {
             }
         }
         if skipped > 0 {
-            self.report.note(format_args!("note: {skipped} pictures were there already"));
+            self.report.note(format_args!("note: {} there already", counted(skipped, "picture")));
         }
         let Some((frame, _, first)) = failures.first() else { return Ok(()) };
         let failed: usize = failures.iter().map(|(_, count, _)| count).sum();
@@ -360,7 +360,7 @@ impl<'a> Job<'a> {
         };
         let Settings { width, height, samples, .. } = self.settings;
         let mut guesses = vec![format!("{name}, cpu {} threads", rayon::current_num_threads())];
-        guesses.push(format!("{} particles", grouped(spheres.len())));
+        guesses.push(counted(spheres.len(), "particle"));
         guesses.extend(conventions.iter().cloned());
         guesses.extend([radius.to_string(), colors.description.clone(), framing.to_string()]);
         guesses.push(format!("{width}x{height}, {samples} samples"));

@@ -151,6 +151,11 @@ pub(crate) fn print(text: &[u8]) -> Outcome<()> {
     }
 }
 
+/// A count of things for people: `1 particle`, `1,204 particles`.
+pub(crate) fn counted(count: usize, thing: &str) -> String {
+    format!("{} {thing}{}", tyndall::scene::grouped(count), if count == 1 { "" } else { "s" })
+}
+
 /// A size of memory for people.
 pub(crate) fn bytes(count: u64) -> String {
     let units = ["B", "KiB", "MiB", "GiB", "TiB", "PiB"];

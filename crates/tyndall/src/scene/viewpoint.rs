@@ -4,7 +4,7 @@
 
 use std::str::FromStr;
 
-use glam::DVec3;
+use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
 use super::camera::{Camera, Projection, View, corners, usable_up};
@@ -84,11 +84,9 @@ pub struct Viewpoint {
 impl Viewpoint {
     /// The camera that shows `bounds` (measured from `origin`) in a picture of that `aspect`, width over height.
     pub fn camera(&self, bounds: &Bounds, origin: DVec3, aspect: f64) -> Camera {
-        let all = corners(bounds, origin);
-        let (corners, center) = match bounds.is_empty() {
-            true => (&all[..0], origin),
-            false => (&all[..], origin + bounds.center().as_dvec3()),
-        };
+        // Nothing to show has a camera too, so that it can be said why there is nothing.
+        let shown = if bounds.is_empty() { Bounds { min: Vec3::NEG_ONE, max: Vec3::ONE } } else { *bounds };
+        let (corners, center) = (corners(&shown, origin), origin + shown.center().as_dvec3());
         let target = self.look_at.unwrap_or(center);
         let direction = self.eye.map_or(self.side.direction, |eye| target - eye);
         let up = self.up.unwrap_or_else(|| usable_up(direction.normalize_or(DVec3::Y), self.side.up));
@@ -96,7 +94,7 @@ impl Viewpoint {
             Lens::Perspective { vertical_angle } => Some(vertical_angle),
             Lens::Orthographic { .. } => None,
         };
-        let mut camera = Camera::framing(center, corners, direction, up, aspect, angle);
+        let mut camera = Camera::framing(center, &corners, direction, up, aspect, angle);
         match self.eye {
             Some(eye) => (camera.eye, camera.look_at) = (eye, target),
             None if self.look_at.is_some() => {
@@ -164,7 +162,6 @@ fn size_in_view(spheres: Spheres, view: &View, id: usize) -> Option<f64> {
 mod tests {
     use super::*;
     use crate::particles::{Columns, Particles, Radii};
-    use glam::Vec3;
 
     fn viewpoint() -> Viewpoint {
         let lens = Lens::Perspective { vertical_angle: 0.6 };

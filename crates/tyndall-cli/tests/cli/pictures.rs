@@ -1,0 +1,222 @@
+//! Pictures: their names, pixels, and what is written beside them.
+
+use super::{Folder, line_of, png};
+
+#[test]
+fn a_picture_is_made_and_every_guess_is_said_once() {
+    let folder = Folder::new();
+    folder.file("a.xyz", line_of(9));
+    let said = folder.render("a.xyz -o a.png --color c_pe").fine();
+    let lines: Vec<&str> = said.lines().collect();
+    assert_eq!(lines.len(), 2, "{said}");
+    for part in [
+        "tyndall: bvh, cpu ",
+        "9 particles",
+        "van der Waals",
+        "color c_pe viridis linear 0.5:8.5",
+        "framed on all",
+    ] {
+        assert!(lines[0].contains(part), "{part} is not in {}", lines[0]);
+    }
+    assert!(lines[1].starts_with("a.png  ") && lines[1].ends_with(" s"), "{said}");
+    assert_eq!(folder.names(), ["a.png", "a.xyz"]);
+}
+
+#[test]
+fn metadata_say_how_a_picture_came_about() {
+    let folder = Folder::new();
+    folder.file("in put.xyz", line_of(9));
+    let words = [
+        "render",
+        "in put.xyz",
+        "-o",
+        "a.png",
+        "--size",
+        "32x32",
+        "--samples",
+        "4",
+        "--seed",
+        "7",
+        "-q",
+        "--dpi",
+        "300",
+    ];
+    folder.run(&words).fine();
+    let texts = png(&folder.path("a.png")).2;
+    let text = |key: &str| {
+        let found = texts.iter().find(|(name, _)| name == key);
+        found.unwrap_or_else(|| panic!("no {key} in {texts:?}")).1.as_str()
+    };
+    assert!(text("Software").starts_with("Tyndall 0."));
+    assert_eq!(
+        text("Command"),
+        "tyndall render 'in put.xyz' -o a.png --size 32x32 --samples 4 --seed 7 -q --dpi 300"
+    );
+    assert_eq!(text("Seed"), "7");
+    assert!(text("Inputs").starts_with("in put.xyz (") && text("Inputs").contains("bytes, changed 20"));
+    assert!(text("Settings").contains("32x32") && text("Guesses").contains("van der Waals"));
+    assert!(text("Frame").starts_with("0 of 1"));
+    folder.run(&[&["render", "in put.xyz", "-o", "a.exr"], &words[4..]].concat()).fine();
+    let exr = std::fs::read(folder.path("a.exr")).unwrap();
+    for part in ["Tyndall 0.", "van der Waals", "depth", "in put.xyz ("] {
+        assert!(exr.windows(part.len()).any(|window| window == part.as_bytes()), "{part}");
+    }
+}
+
+#[test]
+fn pictures_are_numbered_by_their_frames() {
+    let folder = Folder::new();
+    folder.file("a.xyz", line_of(4).repeat(6));
+    folder.render("a.xyz -o all.%03d.png -q").fine();
+    folder.render("a.xyz -o some.##.png -q --frames 1:6:2").fine();
+    folder.render("a.xyz -o last.$F4.png -q --frame -1").fine();
+    folder.render("a.xyz -o one.png -q --frames -2:-1").fine();
+    let said = folder.render("a.xyz -o first.png").fine();
+    assert!(said.contains("note: frame 0 of 6"), "{said}");
+    let all = (0..6).map(|k| format!("all.{k:03}.png")).collect::<Vec<_>>();
+    let rest = ["first.png", "last.0005.png", "one.png", "some.01.png", "some.03.png", "some.05.png"];
+    let mut wanted: Vec<String> =
+        all.into_iter().chain(rest.map(String::from)).chain(["a.xyz".into()]).collect();
+    wanted.sort();
+    assert_eq!(folder.names(), wanted);
+    folder.render("a.xyz -o two.png --frames :2").fails(2, &["-o cannot be 'two.png'", "2 pictures", "%04d"]);
+}
+
+#[test]
+fn an_orbit_turns_around_one_frame_or_over_all() {
+    let folder = Folder::new();
+    folder.file("a.xyz", line_of(4).repeat(2));
+    folder.render("a.xyz -o turn.%d.png -q --frame 0 --orbit 180 --frame-count 3").fine();
+    folder.render("a.xyz -o over.%d.png -q --orbit -90").fine();
+    let pixels = |name: &str| png(&folder.path(name)).0;
+    assert_ne!(pixels("turn.0.png"), pixels("turn.1.png"));
+    assert_ne!(pixels("turn.1.png"), pixels("turn.2.png"));
+    assert_ne!(pixels("over.0.png"), pixels("over.1.png"));
+    assert_eq!(pixels("over.0.png"), pixels("turn.0.png"));
+    assert_eq!(folder.names().len(), 6);
+}
+
+#[test]
+fn a_frame_that_fails_does_not_stop_the_others() {
+    let folder = Folder::new();
+    let (good, bad) = (line_of(4), line_of(4).replace("2.0 0.25", "oops 0.25"));
+    folder.file("a.xyz", &good);
+    folder.file("b.xyz", &bad);
+    folder.file("c.xyz", &good);
+    let ran = folder.render("a.xyz b.xyz c.xyz -o out.%d.png");
+    assert_eq!(ran.code, 6, "{ran:?}");
+    assert!(ran.err.contains("error[E-partial]: 1 of 3 pictures failed, 2 were written"), "{ran:?}");
+    assert!(ran.err.contains("error[E-format]") && ran.err.contains("b.xyz"), "{ran:?}");
+    assert_eq!(folder.names(), ["a.xyz", "b.xyz", "c.xyz", "out.0.png", "out.2.png"]);
+    assert_eq!(folder.render("b.xyz b.xyz -o out.%d.png").code, 3);
+}
+
+#[test]
+fn what_is_there_can_be_left() {
+    let folder = Folder::new();
+    folder.file("a.xyz", line_of(4).repeat(3));
+    folder.file("o.1.png", "mine");
+    let said = folder.render("a.xyz -o o.%d.png --skip-existing").fine();
+    assert!(said.contains("note: 1 picture there already"), "{said}");
+    assert_eq!(std::fs::read(folder.path("o.1.png")).unwrap(), b"mine");
+    let before = std::fs::read(folder.path("o.2.png")).unwrap();
+    std::fs::remove_file(folder.path("o.2.png")).unwrap();
+    folder.render("a.xyz -o o.%d.png --skip-existing").fine();
+    assert_eq!(std::fs::read(folder.path("o.2.png")).unwrap(), before);
+}
+
+#[test]
+fn a_fixed_range_is_that_of_the_first_frame() {
+    let folder = Folder::new();
+    let later = line_of(4).replace(".5\n", "9.5\n");
+    folder.file("a.xyz", line_of(4) + &later);
+    let ranges = |words: &str| -> Vec<String> {
+        folder.render(&format!("a.xyz -o o.%d.png -q --color c_pe --range full {words}")).fine();
+        let guesses =
+            |name: &str| png(&folder.path(name)).2.into_iter().find(|(key, _)| key == "Guesses").unwrap().1;
+        let range =
+            |name: &str| guesses(name).lines().find(|line| line.starts_with("color")).unwrap().to_string();
+        vec![range("o.0.png"), range("o.1.png")]
+    };
+    let (free, fixed) = (ranges(""), ranges("--fixed-range"));
+    assert!(free[0].contains("0.5:3.5") && free[1].contains("9.5:39.5"), "{free:?}");
+    assert!(fixed[1].contains("0.5:3.5"), "{fixed:?}");
+}
+
+#[test]
+fn the_background_can_be_a_color_or_nothing() {
+    let folder = Folder::new();
+    folder.file("a.xyz", line_of(4));
+    let corner = |words: &str| {
+        folder.render(&format!("a.xyz -o a.png -q {words}")).fine();
+        let (pixels, kind, _) = png(&folder.path("a.png"));
+        pixels[..kind.samples()].to_vec()
+    };
+    assert_eq!(corner(""), [255, 255, 255]);
+    assert_eq!(corner("--background #123456"), [0x12, 0x34, 0x56]);
+    assert_eq!(corner("--background none"), [0, 0, 0, 0]);
+    assert_eq!(corner("--alpha"), [0, 0, 0, 0]);
+    assert_eq!(corner("--bits 16 --background black"), [0, 0, 0]);
+}
+
+#[test]
+fn threads_and_structures_do_not_change_a_pixel_but_seeds_do() {
+    let folder = Folder::new();
+    let pixels = |words: &str| {
+        folder.render(&format!("synthetic:uniform?n=3000 -o a.png -q {words}")).fine();
+        png(&folder.path("a.png")).0
+    };
+    let one = pixels("--threads 1");
+    assert_eq!(one, pixels("--threads 2"));
+    for structure in ["brute", "pkd", "pkd --pkd-axis round-robin", "pkd --pkd-order near"] {
+        assert_eq!(one, pixels(&format!("--structure {structure}")), "{structure}");
+    }
+    assert_ne!(one, pixels("--seed 1"));
+    for different in
+        ["--look headlight", "--look flat", "--view z", "--view -x", "--ortho auto", "--radius-scale 2"]
+    {
+        assert_ne!(one, pixels(different), "{different}");
+    }
+    let given = pixels("--eye -3,0.5,0.5 --look-at 0.5,0.5,0.5 --up 0,0,1 --ortho 1.5");
+    assert_eq!(given, pixels("--view -x --look-at 0.5,0.5,0.5 --ortho 1.5"));
+}
+
+#[test]
+fn a_dry_run_tells_the_cost_and_writes_nothing() {
+    let folder = Folder::new();
+    folder.file("a.xyz", line_of(50).repeat(3));
+    for input in ["a.xyz", "synthetic:nozzle"] {
+        let ran = folder.render(&format!("{input} -o a.%d.png --dry-run"));
+        assert_eq!(ran.code, 0, "{ran:?}");
+        assert!(
+            ran.out.contains("memory ") && ran.out.contains("iB") && ran.out.contains("about "),
+            "{ran:?}"
+        );
+    }
+    assert_eq!(folder.names(), ["a.xyz"]);
+}
+
+#[test]
+fn completions_and_manual_know_every_flag() {
+    let folder = Folder::new();
+    for words in ["completions bash", "completions zsh", "completions fish", "man render"] {
+        let ran = folder.line(words);
+        assert_eq!(ran.code, 0, "{ran:?}");
+        for flag in ["radius-scale", "skip-existing", "pkd-order"] {
+            let found = ran.out.contains(flag) || ran.out.contains(&flag.replace('-', "\\-"));
+            assert!(found, "{words} does not know {flag}");
+        }
+    }
+    assert!(folder.line("man").out.contains("tyndall"));
+    assert!(folder.line("--version").out.starts_with("tyndall 0."));
+    assert!(folder.line("render --help").out.contains("--samples"));
+}
+
+#[test]
+fn a_bench_prints_a_table() {
+    let folder = Folder::new();
+    let ran = folder.line("bench --n 500 --size 40x30 --sets packed -q --structure pkd");
+    assert_eq!(ran.code, 0, "{ran:?}");
+    assert_eq!(ran.out.lines().filter(|line| line.starts_with("| packed")).count(), 2, "{ran:?}");
+    assert!(ran.out.contains("Msamples/s") && ran.err.is_empty(), "{ran:?}");
+}
