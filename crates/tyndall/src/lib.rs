@@ -12,6 +12,7 @@ pub mod progress;
 pub mod random;
 pub mod render;
 pub mod scene;
+mod simd;
 pub mod srgb;
 pub mod structure;
 pub mod synthetic;

@@ -62,6 +62,19 @@ pub struct Ray {
     pub t_max: f32,
 }
 
+impl Ray {
+    /// One over the direction, with no exact zero: a side parallel to the ray is met far away, on the side where the ray is.
+    #[inline(always)]
+    pub(crate) fn inv_direction(&self) -> Vec3 {
+        let inverse = |d: f32| 1.0 / if d.abs() < 1e-20 { 1e-20_f32.copysign(d) } else { d };
+        Vec3::new(inverse(self.direction.x), inverse(self.direction.y), inverse(self.direction.z))
+    }
+}
+
+/// What the rounding of [`enter_sphere`] can add to the size of a sphere, relative to its distance: 32 units in the last place.
+/// Boxes are grown by it, so that no structure loses a grazing hit that brute force finds.
+pub(crate) const HIT_ROUNDING: f32 = 2.0e-6;
+
 /// Distance at which `ray` enters the sphere, or `ray.t_max` if it does not enter it before that.
 /// The direction has unit length. A ray that starts inside does not enter.
 #[inline(always)]

@@ -467,7 +467,8 @@ impl Particles {
 fn radii_by_name(attributes: &[Attribute]) -> Option<Radii> {
     RADIUS_NAMES.iter().find_map(|&(name, scale)| {
         // `r` may be red or a distance: a single letter counts only as it is written here.
-        let named = |it: &Attribute| it.name == name || (name.len() > 1 && it.name.eq_ignore_ascii_case(name));
+        let named =
+            |it: &Attribute| it.name == name || (name.len() > 1 && it.name.eq_ignore_ascii_case(name));
         let attribute = attributes.iter().position(|it| it.components == 1 && named(it))?;
         Some(Radii::PerParticle { attribute, scale })
     })

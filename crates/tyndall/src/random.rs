@@ -214,7 +214,7 @@ mod tests {
     }
 
     #[test]
-    fn neighbouring_counters_give_unrelated_uniform_numbers() {
+    fn neighboring_counters_give_unrelated_uniform_numbers() {
         for word in 0..4 {
             let by_x: Vec<f32> = (0..COUNT).map(|k| unit_f32(hash4([k as u32, 3, 5, 7])[word])).collect();
             let by_w: Vec<f32> = (0..COUNT).map(|k| unit_f32(hash4([3, 5, 7, k as u32])[word])).collect();

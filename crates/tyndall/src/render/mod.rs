@@ -80,7 +80,8 @@ impl<'a> Renderer<'a> {
             _ => 16,
         };
         let centered = self.settings.samples == 1;
-        let pass = cpu::Pass::new(self.scene, self.view, self.settings.seed, self.samples_done, count, centered);
+        let pass =
+            cpu::Pass::new(self.scene, self.view, self.settings.seed, self.samples_done, count, centered);
         cpu::for_each_tile(&mut self.film, &pass, self.level, progress);
         self.samples_done += count;
         if progress.cancelled() { Err(Error::Interrupted) } else { Ok(()) }

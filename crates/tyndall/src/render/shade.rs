@@ -5,7 +5,7 @@ use glam::{Vec2, Vec3};
 use super::sampling::{Dimension, point};
 use crate::scene::light::{KeyLight, Sky};
 
-/// Directions toward the light of one sample of the pixels of one class.
+/// Directions toward the light of one sample.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct LightSample {
     /// A point of the key light.
@@ -14,22 +14,14 @@ pub(crate) struct LightSample {
     pub(crate) sky: Vec3,
 }
 
-/// Pixels whose samples look in directions of their own: a checkered 2 x 2 pattern hides what few directions would show.
-pub(crate) const CLASSES: usize = 4;
-
-/// The class of pixel (x, y).
-#[inline(always)]
-pub(crate) fn class(x: usize, y: usize) -> usize {
-    (y % 2) * 2 + x % 2
-}
-
-/// The directions of sample `sample` of the pixels of `class`.
+/// The directions of sample `sample`.
 ///
-/// They are the same for all pixels of a class, so that shadow rays are parallel; over the samples they cover the lights evenly.
-pub(crate) fn light_sample(key: &KeyLight, seed: u32, sample: u32, class: u32) -> LightSample {
+/// They are the same for all pixels, so that shadow rays are parallel; over the samples they cover the lights evenly, and what
+/// would be noise is the sum of many hard shadows.
+pub(crate) fn light_sample(key: &KeyLight, seed: u32, sample: u32) -> LightSample {
     LightSample {
-        key: in_cone(key.toward, key.angular_radius, point(seed, Dimension::Key, class, sample).into()),
-        sky: on_sphere(point(seed, Dimension::Sky, class, sample).into()),
+        key: in_cone(key.toward, key.angular_radius, point(seed, Dimension::Key, 0, sample).into()),
+        sky: on_sphere(point(seed, Dimension::Sky, 0, sample).into()),
     }
 }
 
@@ -47,18 +39,18 @@ fn on_sphere(random: Vec2) -> Vec3 {
     in_cone(Vec3::Z, std::f32::consts::PI, random)
 }
 
-/// Light that a matte white surface with `normal` sends to the eye when the key light is seen from it.
+/// Light that a matte white surface sends to the eye when it sees the key light, by the cosine of its angle to it.
 #[inline(always)]
-pub(crate) fn key_radiance(key: &KeyLight, light: &LightSample, normal: Vec3) -> f32 {
-    key.strength * normal.dot(light.key).max(0.0)
+pub(crate) fn key_radiance(key: &KeyLight) -> f32 {
+    key.strength
 }
 
-/// Light that a matte white surface with `normal` sends to the eye when the sky is seen from it in the sampled direction:
-/// radiance times cosine over pi, divided by the density 1/(4 pi) of directions.
+/// Light that a matte white surface sends to the eye when it sees the sky in the sampled direction, by the cosine of its angle
+/// to it: radiance over pi, divided by the density 1/(4 pi) of directions.
 #[inline(always)]
-pub(crate) fn sky_radiance(sky: &Sky, light: &LightSample, normal: Vec3) -> f32 {
-    let height = 0.5 + 0.5 * light.sky.dot(sky.up);
-    4.0 * (sky.ground + (sky.zenith - sky.ground) * height) * normal.dot(light.sky).max(0.0)
+pub(crate) fn sky_radiance(sky: &Sky, toward: Vec3) -> f32 {
+    let height = 0.5 + 0.5 * toward.dot(sky.up);
+    4.0 * (sky.ground + (sky.zenith - sky.ground) * height)
 }
 
 #[cfg(test)]
@@ -71,8 +63,11 @@ mod tests {
         let key = KeyLight { toward: Vec3::X, angular_radius: 0.1, strength: 1.0 };
         for normal in [Vec3::X, Vec3::NEG_Y, Vec3::new(0.6, 0.0, 0.8)] {
             let count = 1024;
-            let lights = (0..count).map(|sample| light_sample(&key, 7, sample, 0));
-            let mean = lights.map(|light| sky_radiance(&sky, &light, normal)).sum::<f32>() / count as f32;
+            let lights = (0..count).map(|sample| light_sample(&key, 7, sample));
+            let mean = lights
+                .map(|light| sky_radiance(&sky, light.sky) * normal.dot(light.sky).max(0.0))
+                .sum::<f32>()
+                / count as f32;
             assert!((mean - 0.7).abs() < 0.01, "{mean}");
         }
     }
@@ -81,7 +76,7 @@ mod tests {
     fn key_light_directions_stay_in_their_cone() {
         let key = KeyLight { toward: Vec3::new(0.36, 0.48, 0.8), angular_radius: 0.1, strength: 1.0 };
         for sample in 0..500 {
-            let light = light_sample(&key, 3, sample, sample % 4);
+            let light = light_sample(&key, 3, sample);
             assert!(light.key.dot(key.toward) > 0.1_f32.cos() - 1e-6 && light.key.is_normalized());
         }
     }

@@ -163,7 +163,11 @@ pub fn framing_of(spheres: Spheres, outliers: Outliers) -> Framing {
     };
     let mut framing = framing(particles);
     if outliers == Outliers::Shown {
-        return Framing { bounds: around_all(), description: "framed on all particles".into(), warning: None };
+        return Framing {
+            bounds: around_all(),
+            description: "framed on all particles".into(),
+            warning: None,
+        };
     }
     if framing.bounds == particles.bounds() {
         framing.bounds = around_all();
@@ -207,13 +211,13 @@ fn cell_bounds(cell: &Cell, particles: &Particles) -> Bounds {
     cell.corners().into_iter().fold(Bounds::EMPTY, |bounds, corner| bounds.with((corner - origin).as_vec3()))
 }
 
-/// Whether a box lies in the cell, give or take a tenth, and takes at least 7/10 of it along each axis on which the cell is not thin.
+/// Whether a box lies in the cell, give or take a tenth, and takes at least 8/10 of it along each axis on which the cell is not thin.
 fn fills(middle: Bounds, cell: Bounds) -> bool {
     let (size, extent) = (cell.extent(), middle.extent());
     let around = cell.grown(0.1 * size.max_element());
     let inside = middle.min.cmpge(around.min).all() && middle.max.cmple(around.max).all();
     // Two-dimensional simulations have a cell of any thickness.
-    let full = (0..3).all(|axis| extent[axis] >= 0.7 * size[axis] || size[axis] < 0.1 * size.max_element());
+    let full = (0..3).all(|axis| extent[axis] >= 0.8 * size[axis] || size[axis] < 0.1 * size.max_element());
     inside && full && size.max_element() > 0.0
 }
 

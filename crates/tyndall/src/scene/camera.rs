@@ -37,63 +37,56 @@ pub struct Camera {
 pub const VERTICAL_ANGLE: f64 = 35.0 * std::f64::consts::PI / 180.0;
 
 impl Camera {
-    /// A perspective or orthographic camera that looks along `direction` and shows the whole box (`center`, half the length of
-    /// its diagonal is `radius`), filling `fill` of the smaller side of a picture of that `aspect` (width over height).
+    /// A camera that looks along `direction` and just shows all `corners` in a picture of that `aspect` (width over height):
+    /// in perspective within `vertical_angle`, in radians, or orthographic without one. `center` is measured from; `up` may be
+    /// replaced where the camera looks along it.
     pub fn framing(
         center: DVec3,
         corners: &[DVec3],
         direction: DVec3,
         up: DVec3,
         aspect: f64,
-        perspective_angle: Option<f64>,
+        vertical_angle: Option<f64>,
     ) -> Self {
         let forward = direction.normalize_or(DVec3::Y);
         let up = usable_up(forward, up);
         let right = forward.cross(up).normalize();
-        let screen_up = right.cross(forward);
-        let radius = corners.iter().map(|corner| corner.distance(center)).fold(0.0, f64::max).max(f64::MIN_POSITIVE);
-        let mut low = [f64::INFINITY; 2];
-        let mut high = [f64::NEG_INFINITY; 2];
-        for corner in corners {
-            let offset = [(*corner - center).dot(right), (*corner - center).dot(screen_up)];
+        let axes = [right, right.cross(forward)];
+        let radius = corners.iter().map(|corner| corner.distance(center)).fold(0.0, f64::max);
+        let radius = if radius > 0.0 { radius } else { 1.0 };
+
+        // Across each axis the corner that is outermost on either side; in perspective a corner further back is so by less.
+        let slope = vertical_angle.map_or(0.0, |angle| (0.5 * angle).tan() / MARGIN);
+        let slopes = [slope * aspect, slope];
+        let mut highest = [f64::NEG_INFINITY; 2];
+        let mut lowest = [f64::INFINITY; 2];
+        let mut nearest = 0.0_f64;
+        for offset in corners.iter().map(|corner| *corner - center) {
+            let depth = offset.dot(forward);
+            nearest = nearest.min(depth);
             for axis in 0..2 {
-                low[axis] = low[axis].min(offset[axis]);
-                high[axis] = high[axis].max(offset[axis]);
+                let across = offset.dot(axes[axis]);
+                highest[axis] = highest[axis].max(across - slopes[axis] * depth);
+                lowest[axis] = lowest[axis].min(across + slopes[axis] * depth);
             }
         }
         if corners.is_empty() {
-            (low, high) = ([-1.0; 2], [1.0; 2]);
+            (highest, lowest) = ([radius; 2], [-radius; 2]);
         }
-        // The middle of what is seen, not of the box, is the middle of the picture.
-        let middle = center + 0.5 * (low[0] + high[0]) * right + 0.5 * (low[1] + high[1]) * screen_up;
-        let half_height = |wide: f64, high: f64| (MARGIN * high.max(wide / aspect)).max(1e-3 * radius);
-        match perspective_angle {
-            None => Self {
-                eye: middle - 3.0 * radius * forward,
-                look_at: middle,
-                up,
-                projection: Projection::Orthographic {
-                    height: 2.0 * half_height(0.5 * (high[0] - low[0]), 0.5 * (high[1] - low[1])),
-                },
-            },
-            Some(angle) => {
-                // Step back until every corner is within the angle of view.
-                let slope = (0.5 * angle).tan() / MARGIN;
-                let mut back = 0.0_f64;
-                for corner in corners {
-                    let offset = *corner - middle;
-                    let side = (offset.dot(right).abs() / aspect).max(offset.dot(screen_up).abs());
-                    back = back.max(side / slope - offset.dot(forward));
-                }
-                let back = back.max(1.01 * radius);
-                Self {
-                    eye: middle - back * forward,
-                    look_at: middle,
-                    up,
-                    projection: Projection::Perspective { vertical_angle: angle },
-                }
+        let middle = [0, 1].map(|axis| 0.5 * (highest[axis] + lowest[axis]));
+        let half = [0, 1].map(|axis| 0.5 * (highest[axis] - lowest[axis]));
+        let look_at = center + middle[0] * axes[0] + middle[1] * axes[1];
+        let (back, projection) = match vertical_angle {
+            None => {
+                let half_height = (MARGIN * half[1].max(half[0] / aspect)).max(1e-3 * radius);
+                (3.0 * radius, Projection::Orthographic { height: 2.0 * half_height })
             }
-        }
+            Some(vertical_angle) => {
+                let back = (half[0] / slopes[0]).max(half[1] / slopes[1]).max(0.01 * radius - nearest);
+                (back, Projection::Perspective { vertical_angle })
+            }
+        };
+        Self { eye: look_at - back * forward, look_at, up, projection }
     }
 
     /// Turned by `angle` radians around the axis through what it looks at, along its up direction.
@@ -112,12 +105,18 @@ impl Camera {
             .cross(self.up)
             .try_normalize()
             .filter(|_| forward.cross(self.up.normalize_or_zero()).length() > 1e-9)
-            .ok_or_else(|| Error::setting("up", self.up, "a direction that is not along the line of sight"))?;
+            .ok_or_else(|| {
+                Error::setting("up", self.up, "a direction that is not along the line of sight")
+            })?;
         let up = right.cross(forward);
         let (half_height, perspective) = match self.projection {
             Projection::Perspective { vertical_angle } => {
                 if !(vertical_angle > 0.0 && vertical_angle < std::f64::consts::PI) {
-                    return Err(Error::setting("fov", vertical_angle.to_degrees(), "between 0 and 180 degrees"));
+                    return Err(Error::setting(
+                        "fov",
+                        vertical_angle.to_degrees(),
+                        "between 0 and 180 degrees",
+                    ));
                 }
                 ((0.5 * vertical_angle).tan(), true)
             }
@@ -208,10 +207,9 @@ mod tests {
 
     #[test]
     fn the_middle_of_the_picture_is_what_the_camera_looks_at() {
-        for projection in [
-            Projection::Perspective { vertical_angle: 0.6 },
-            Projection::Orthographic { height: 3.0 },
-        ] {
+        for projection in
+            [Projection::Perspective { vertical_angle: 0.6 }, Projection::Orthographic { height: 3.0 }]
+        {
             let camera = Camera {
                 eye: DVec3::new(1.0, 2.0, 3.0),
                 look_at: DVec3::new(4.0, -1.0, 2.5),

@@ -40,8 +40,8 @@ impl Lighting {
     /// `forward`, `right` and `up` are the camera's axes.
     pub fn studio(forward: Vec3, right: Vec3, up: Vec3) -> Self {
         let toward = (-forward - 0.75 * right + 0.95 * up).normalize();
-        let key = KeyLight { toward, angular_radius: 5.0_f32.to_radians(), strength: 0.68 };
-        let sky = Sky { zenith: 0.55, ground: 0.2, up: (up - 0.5 * forward).normalize() };
+        let key = KeyLight { toward, angular_radius: 5.0_f32.to_radians(), strength: 0.62 };
+        let sky = Sky { zenith: 0.62, ground: 0.3, up: (up - 0.5 * forward).normalize() };
         Self::Studio(key, sky)
     }
 }

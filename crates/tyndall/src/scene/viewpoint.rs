@@ -218,7 +218,7 @@ mod tests {
             for lens in [viewpoint().lens, Lens::Orthographic { height: None }] {
                 let side: Side = side.parse().unwrap();
                 let camera = Viewpoint { side, lens, ..viewpoint() }.camera(&BOX, far, 1.5);
-                assert!(camera.look_at.abs_diff_eq(far, 1e-6));
+                assert!(camera.look_at.distance(far) < 0.3 * BOX.extent().length() as f64);
                 assert!(
                     (camera.look_at - camera.eye).normalize().abs_diff_eq(side.direction.normalize(), 1e-9)
                 );

@@ -67,6 +67,8 @@ pub struct Hit {
     pub t: f32,
     /// Which particle.
     pub id: u32,
+    /// Its place in the structure.
+    pub node: u32,
 }
 
 impl Hit {
@@ -131,6 +133,19 @@ impl Structure {
         }
     }
 
+    /// Center and radius of the particle at `node`, and its id.
+    #[inline(always)]
+    pub fn sphere(&self, node: u32) -> (Vec3, f32, u32) {
+        match self {
+            Self::Bvh(bvh) => bvh.sphere(node),
+            Self::Pkd(pkd) => pkd.sphere(node),
+            Self::Brute(brute) => {
+                let (center, radius) = brute.spheres[node as usize];
+                (center, radius, node)
+            }
+        }
+    }
+
     /// The box of all particles, radii included.
     pub fn bounds(&self) -> Bounds {
         match self {
@@ -177,21 +192,18 @@ impl Brute {
 
     /// See [`Structure::bounds`].
     pub fn bounds(&self) -> Bounds {
-        let boxes = self.spheres.iter().map(|&(center, radius)| Bounds { min: center, max: center }.grown(radius));
+        let boxes =
+            self.spheres.iter().map(|&(center, radius)| Bounds { min: center, max: center }.grown(radius));
         boxes.fold(Bounds::EMPTY, Bounds::union)
     }
 
     fn hits(&self, ray: &Ray, except: Option<u32>) -> impl Iterator<Item = Hit> {
         (0u32..).zip(&self.spheres).filter_map(move |(id, &(center, radius))| {
             let t = enter_sphere(ray, center, radius);
-            (t < ray.t_max && except != Some(id)).then_some(Hit { t, id })
+            (t < ray.t_max && except != Some(id)).then_some(Hit { t, id, node: id })
         })
     }
 }
-
-/// What the rounding of [`enter_sphere`] can add to the size of a sphere, relative to its distance: 32 units in the last place.
-/// Boxes are grown by it, so that no structure loses a grazing hit that brute force finds.
-pub(crate) const HIT_ROUNDING: f32 = 2.0e-6;
 
 /// What the rounding of decoded boxes can lose, relative to the largest coordinate: 8 units in the last place.
 pub(crate) const BOX_ROUNDING: f32 = 5.0e-7;

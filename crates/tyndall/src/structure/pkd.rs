@@ -10,9 +10,9 @@ use glam::Vec3;
 use rayon::prelude::*;
 
 use super::build::{Record, cut, records};
-use super::{HIT_ROUNDING, Hit, Spheres, box_slack};
+use super::{Hit, Spheres, box_slack};
 use crate::error::{Error, Result};
-use crate::math::{Bounds, Ray, enter_sphere};
+use crate::math::{Bounds, HIT_ROUNDING, Ray, enter_sphere};
 use crate::progress::Progress;
 
 /// Which dimension a node splits.
@@ -100,11 +100,11 @@ impl Pkd {
             return Err(Error::Interrupted);
         }
         let order = heap_order(records.len());
-        let column = |axis: usize| order.par_iter().map(|&at| records[at as usize].coordinates[axis]).collect();
+        let column =
+            |axis: usize| order.par_iter().map(|&at| records[at as usize].coordinates[axis]).collect();
         let radii: Vec<f32> = if spheres.uniform().is_some() { Vec::new() } else { column(3) };
-        let max_radius = spheres
-            .uniform()
-            .unwrap_or_else(|| radii.par_iter().copied().reduce(|| 0.0, f32::max));
+        let max_radius =
+            spheres.uniform().unwrap_or_else(|| radii.par_iter().copied().reduce(|| 0.0, f32::max));
         Ok(Self {
             center: [column(0), column(1), column(2)],
             id: order.par_iter().map(|&at| records[at as usize].id).collect(),
@@ -126,7 +126,7 @@ impl Pkd {
             let within = Ray { t_max: ray.t_max.next_up().min(t_max), ..*ray };
             let t = enter_sphere(&within, pkd.center(node), pkd.radius(node));
             if t < within.t_max && except != Some(pkd.id[node]) {
-                Hit::keep_nearer(&mut best, Hit { t, id: pkd.id[node] });
+                Hit::keep_nearer(&mut best, Hit { t, id: pkd.id[node], node: node as u32 });
                 // Clip the ray to the nearest hit: what is behind it is hidden.
                 ray.t_max = best.map_or(ray.t_max, |best: Hit| best.t);
             }
@@ -139,10 +139,18 @@ impl Pkd {
     pub fn occluded(&self, ray: &Ray, except: Option<u32>) -> bool {
         let mut found = false;
         self.walk(&mut { *ray }, |pkd, node, ray| {
-            found = enter_sphere(ray, pkd.center(node), pkd.radius(node)) < ray.t_max && except != Some(pkd.id[node]);
+            found = enter_sphere(ray, pkd.center(node), pkd.radius(node)) < ray.t_max
+                && except != Some(pkd.id[node]);
             found
         });
         found
+    }
+
+    /// See [`super::Structure::sphere`].
+    #[inline(always)]
+    pub fn sphere(&self, node: u32) -> (Vec3, f32, u32) {
+        let node = node as usize;
+        (self.center(node), self.radius(node), self.id[node])
     }
 
     /// The box of all particles, each as large as the largest.
@@ -173,14 +181,14 @@ impl Pkd {
         if self.id.is_empty() {
             return;
         }
-        // No exact zero: a plane parallel to the ray is met far away, on the side where the ray is.
-        let nonzero = |d: f32| if d.abs() < 1e-20 { 1e-20_f32.copysign(d) } else { d };
-        let inv_direction = Vec3::from_array(ray.direction.to_array().map(|d| 1.0 / nonzero(d)));
+        let inv_direction = ray.inv_direction();
         let farthest = (self.centers.center() - ray.origin).abs() + self.centers.extent();
-        let margin = self.max_radius * (1.0 + HIT_ROUNDING) + HIT_ROUNDING * farthest.max_element() + self.slack;
+        let margin =
+            self.max_radius * (1.0 + HIT_ROUNDING) + HIT_ROUNDING * farthest.max_element() + self.slack;
 
         let grown = self.centers.grown(margin);
-        let (to_min, to_max) = ((grown.min - ray.origin) * inv_direction, (grown.max - ray.origin) * inv_direction);
+        let (to_min, to_max) =
+            ((grown.min - ray.origin) * inv_direction, (grown.max - ray.origin) * inv_direction);
         let root = Region {
             node: 0,
             depth: 0,
@@ -198,7 +206,9 @@ impl Pkd {
             }
             let child = 2 * node + 1;
             let is_leaf = child >= self.id.len();
-            if (region.test_only || is_leaf || self.options.order == Order::NodeFirst) && test(self, node, ray) {
+            if (region.test_only || is_leaf || self.options.order == Order::NodeFirst)
+                && test(self, node, ray)
+            {
                 return;
             }
             if region.test_only || is_leaf {

@@ -1,7 +1,7 @@
-//! `ablation` (Lennard-Jones units): a crystal hit by a laser: a crater with a rim, drops and vapour above it.
+//! `ablation` (Lennard-Jones units): a crystal hit by a laser: a crater with a rim, drops and vapor above it.
 //!
 //! The block is a face-centered lattice, whole cells along x and y, where it is periodic. Its width is six times its
-//! height. The radius is 0.52. Attributes: `potential energy` of an atom, about -6 in the crystal and 0 in vapour; `speed`.
+//! height. The radius is 0.52. Attributes: `potential energy` of an atom, about -6 in the crystal and 0 in vapor; `speed`.
 
 use std::f64::consts::TAU;
 use std::ops::Range;
@@ -13,7 +13,7 @@ use super::{Filled, Law, Particle, Plan, TABLES, cell, ends};
 use crate::particles::Radii;
 use crate::random::Stream;
 
-/// Shares of the block, the drops and the vapour.
+/// Shares of the block, the drops and the vapor.
 pub(super) const SHARES: [f64; 3] = [0.85, 0.12, 0.03];
 /// Edge of a cell of the crystal.
 const EDGE: f64 = 1.577;
@@ -158,7 +158,7 @@ impl Ablation {
         Particle { position: self.wrapped(position), values: [energy, speed, 0.0] }
     }
 
-    fn vapour_atom(&self, thermal: Vec3, stream: &mut Stream) -> Particle {
+    fn vapor_atom(&self, thermal: Vec3, stream: &mut Stream) -> Particle {
         let position = self.surface.over(1.6, 1.0, stream);
         let energy = -0.4 * stream.unit().powi(2);
         let speed = (self.flow(position) + 1.1 * thermal).length();
@@ -188,7 +188,7 @@ impl Law for Ablation {
         } else if k < drops {
             self.drop_atom(k - block, thermal, &mut stream)
         } else {
-            self.vapour_atom(thermal, &mut stream)
+            self.vapor_atom(thermal, &mut stream)
         }
     }
 }
@@ -217,8 +217,8 @@ mod tests {
             );
             assert!(id < drops || energy.number(id, 0) > -0.5);
         }
-        let vapour = (drops..all).filter(|&id| cloud.positions().offset(id).z > height).count();
-        assert!(vapour > 4_000, "{vapour} atoms of vapour over the block");
+        let vapor = (drops..all).filter(|&id| cloud.positions().offset(id).z > height).count();
+        assert!(vapor > 4_000, "{vapor} atoms of vapor over the block");
     }
 
     #[test]

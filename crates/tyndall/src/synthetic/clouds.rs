@@ -11,7 +11,7 @@ use super::{Filled, Law, Particle, Plan, TABLES, cell};
 use crate::particles::Radii;
 use crate::random::Stream;
 
-/// Tries to place a particle inside the box before it is put on the box' wall; a try fails once in ten at most.
+/// Tries to place a particle inside the box before it is put on the box' wall, which should never be needed.
 const TRIES: u64 = 64;
 
 /// A flat slab of 160 puffs.

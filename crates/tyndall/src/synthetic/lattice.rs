@@ -109,8 +109,8 @@ impl Lattice {
     }
 }
 
-/// The largest `size` up to `guess`'s neighbourhood with `holds(size)`, to 1e-6 of it: `holds` is true below some size and
-/// false above, but for small steps. `guess` should be near that size.
+/// The largest size for which `holds`, to 1e-6 of it, found from `guess` outward. `holds` must be true of small sizes and false
+/// of large ones; where it changes back and forth between, any change from true to false may be found.
 pub(super) fn largest(guess: f64, holds: impl Fn(f64) -> bool) -> f64 {
     let (mut low, mut high) = (guess, guess);
     while !holds(low) {
@@ -156,7 +156,7 @@ pub(super) fn ball(count: usize, basis: &[DVec3]) -> Vec<Vec3> {
 
 /// Point `k` of a sequence whose neighbors in number fill the unit cube without clumps and gaps.
 ///
-/// Multiples of the inverse powers of the number with x^4 = x + 1, which generalises the golden ratio (M. Roberts 2018),
+/// Multiples of the inverse powers of the number with x^4 = x + 1, which generalizes the golden ratio (M. Roberts 2018),
 /// as fractions of 2^64, so that they are exact for every `k`.
 pub(super) fn even(k: u64) -> [f32; 3] {
     const INVERSE_POWERS: [u64; 3] = [0xd1b5_4a32_d192_ed03, 0xabc9_8388_fb8f_ac03, 0x8cb9_2ba7_2f3d_8dd7];

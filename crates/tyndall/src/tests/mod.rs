@@ -1,4 +1,5 @@
 //! Tests that look inside: structures and kernels against brute force, on random and on degenerate scenes.
 
+mod oracle;
 mod scenes;
 mod visibility;

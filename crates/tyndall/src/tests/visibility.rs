@@ -10,7 +10,7 @@ use crate::scene::camera::Camera;
 use crate::scene::color::ParticleColors;
 use crate::scene::light::Lighting;
 use crate::structure::pkd::{Axis, Options, Order};
-use crate::structure::{Brute, Kind, Spheres, Structure};
+use crate::structure::{Brute, Hit, Kind, Spheres, Structure};
 use fearless_simd::{Level, Simd};
 use glam::Vec3;
 
@@ -46,15 +46,21 @@ fn image(scene: &Scene, camera: &Camera, settings: &Settings, level: Level) -> I
 
 /// How many pixels differ in any bit of any layer.
 fn differing_pixels(a: &Image, b: &Image) -> usize {
-    let bits = |image: &Image, k: usize| (image.color[k].map(f32::to_bits), image.depth[k].to_bits(), image.id[k]);
+    let bits =
+        |image: &Image, k: usize| (image.color[k].map(f32::to_bits), image.depth[k].to_bits(), image.id[k]);
     assert_eq!((a.width, a.height), (b.width, b.height));
     (0..a.color.len()).filter(|&k| bits(a, k) != bits(b, k)).count()
 }
 
 #[test]
 fn a_single_altered_value_is_seen_by_the_comparison() {
-    let image =
-        Image { width: 2, height: 1, color: vec![[0.5; 4]; 2], depth: vec![1.0, f32::INFINITY], id: vec![3, -1] };
+    let image = Image {
+        width: 2,
+        height: 1,
+        color: vec![[0.5; 4]; 2],
+        depth: vec![1.0, f32::INFINITY],
+        id: vec![3, -1],
+    };
     assert_eq!(differing_pixels(&image, &image), 0);
     for alter in [
         |image: &mut Image| image.color[1][2] = 0.5_f32.next_up(),
@@ -85,7 +91,10 @@ fn every_structure_renders_what_brute_force_renders() {
             let scene = scene(&particles, &radii, kind, Lighting::Headlight);
             let found = image(&scene, &camera, &settings, Level::new());
             let differing = differing_pixels(&expected, &found);
-            assert_eq!(differing, 0, "seed {seed}: {law:?}, {count} particles, {samples} samples, {kind:?}, {camera:?}");
+            assert_eq!(
+                differing, 0,
+                "seed {seed}: {law:?}, {count} particles, {samples} samples, {kind:?}, {camera:?}"
+            );
         }
     }
     assert!(met > 10_000, "only {met} pixels met a particle: the scenes test nothing");
@@ -174,8 +183,17 @@ fn rays_find_what_brute_force_finds() {
             let except = (random.below(2) == 0 && count > 0).then(|| random.below(count as u32));
             let expected = brute.intersect(&ray, except);
             for (kind, structure) in KINDS.iter().zip(&structures) {
-                assert_eq!(structure.intersect(&ray, except), expected, "seed {seed}: {law:?}, {kind:?}, {ray:?}");
-                assert_eq!(structure.occluded(&ray, except), expected.is_some(), "seed {seed}: {law:?}, {kind:?}");
+                let found = structure.intersect(&ray, except);
+                let of = |hit: Option<Hit>| hit.map(|hit| (hit.t, hit.id));
+                assert_eq!(of(found), of(expected), "seed {seed}: {law:?}, {kind:?}, {ray:?}");
+                assert_eq!(
+                    structure.occluded(&ray, except),
+                    expected.is_some(),
+                    "seed {seed}: {law:?}, {kind:?}"
+                );
+                if let Some(hit) = found {
+                    assert_eq!(structure.sphere(hit.node).2, hit.id, "seed {seed}: {law:?}, {kind:?}");
+                }
             }
         }
     }

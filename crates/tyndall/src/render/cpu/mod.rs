@@ -1,27 +1,25 @@
 //! The CPU: threads over tiles of the film, and what happens in a tile.
 //!
 //! A film tile of 32 x 32 pixels is the unit of work. A pass finds what its rays meet (the tile sample buffer of `tiles` for the
-//! hierarchy, a ray each for other structures), then lights it, sixteen pixels of one class at a time.
+//! hierarchy, a ray each for other structures), then lights it, sixteen neighboring pixels at a time.
 
-mod rays;
 mod shadows;
-mod simd;
 mod tiles;
 
-use fearless_simd::{Level, Simd, dispatch, f32x16, prelude::*};
+use fearless_simd::{Level, Simd, dispatch, f32x16, mask32x16, prelude::*};
 use fearless_simd_macros::simd;
 use glam::Vec3;
 use rayon::prelude::*;
 
 use super::sampling::{Dimension, point};
-use super::shade::{CLASSES, LightSample, class, key_radiance, light_sample, sky_radiance};
+use super::shade::{LightSample, key_radiance, light_sample, sky_radiance};
 use crate::film::Image;
 use crate::progress::Progress;
 use crate::scene::Scene;
 use crate::scene::camera::View;
 use crate::scene::light::Lighting;
+use crate::simd::Lanes3;
 use crate::structure::Structure;
-use self::simd::Lanes3;
 use shadows::Points;
 use tiles::{BLOCKS, Beam, EDGE, Entry, RAYS, Tile, block_at};
 
@@ -57,9 +55,11 @@ impl Film {
         let across = width.div_ceil(FILM_EDGE as u32);
         let down = height.div_ceil(FILM_EDGE as u32);
         let mut corners: Vec<(u32, u32)> = (0..down).flat_map(|y| (0..across).map(move |x| (x, y))).collect();
-        corners.sort_by_key(|&(x, y)| (0..16).fold(0_u64, |key, bit| {
-            key | u64::from(x >> bit & 1) << (2 * bit) | u64::from(y >> bit & 1) << (2 * bit + 1)
-        }));
+        corners.sort_by_key(|&(x, y)| {
+            (0..16).fold(0_u64, |key, bit| {
+                key | u64::from(x >> bit & 1) << (2 * bit) | u64::from(y >> bit & 1) << (2 * bit + 1)
+            })
+        });
         let tiles = corners.into_iter().map(|(x, y)| FilmTile {
             x: x * FILM_EDGE as u32,
             y: y * FILM_EDGE as u32,
@@ -114,8 +114,10 @@ pub(crate) struct Pass<'a> {
     block_px: usize,
     /// Where in its pixel each sample lies, by pixel of the pattern.
     offsets: Vec<[[f32; 2]; RAYS]>,
-    /// Light directions by sample and class.
-    lights: Vec<[LightSample; CLASSES]>,
+    /// The sample nearest the pixel's center and its squared distance from it, by pixel of the pattern.
+    nearest: Vec<(usize, f32)>,
+    /// Light directions by sample, the same for all pixels.
+    lights: Vec<LightSample>,
 }
 
 impl<'a> Pass<'a> {
@@ -136,12 +138,18 @@ impl<'a> Pass<'a> {
                 point(seed, Dimension::Pixel, 1 + pixel as u32, first + sample as u32)
             }
         };
-        let offsets =
+        let offsets: Vec<[[f32; 2]; RAYS]> =
             (0..PATTERN * PATTERN).map(|pixel| std::array::from_fn(|sample| offset(pixel, sample))).collect();
+        let center_sq = |[x, y]: [f32; 2]| (x - 0.5).powi(2) + (y - 0.5).powi(2);
+        let nearest = |offsets: &[[f32; 2]; RAYS]| {
+            let by_distance = offsets[..samples].iter().map(|&offset| center_sq(offset)).enumerate();
+            by_distance.min_by(|a, b| a.1.total_cmp(&b.1)).expect("a pass has a sample")
+        };
+        let nearest = offsets.iter().map(nearest).collect();
         let lights = match &scene.lighting {
-            Lighting::Studio(key, _) => (first..first + count)
-                .map(|sample| std::array::from_fn(|class| light_sample(key, seed, sample, class as u32)))
-                .collect(),
+            Lighting::Studio(key, _) => {
+                (first..first + count).map(|sample| light_sample(key, seed, sample)).collect()
+            }
             _ => Vec::new(),
         };
         let block_px = match samples {
@@ -149,7 +157,7 @@ impl<'a> Pass<'a> {
             4 => 2,
             _ => 1,
         };
-        Self { scene, view, samples, block_px, offsets, lights }
+        Self { scene, view, samples, block_px, offsets, nearest, lights }
     }
 
     /// Block and lane of a sample of the tile's pixel (x, y).
@@ -189,13 +197,39 @@ fn render_film_tile<S: Simd>(simd: S, pass: &Pass, film_tile: &mut FilmTile, scr
         for x in (0..FILM_EDGE).step_by(tile_px) {
             let corner = (film_tile.x as usize + x, film_tile.y as usize + y);
             find_hits(simd, pass, corner, scratch);
-            for sample in 0..pass.samples {
-                for area_y in (0..tile_px).step_by(PATTERN) {
-                    for area_x in (0..tile_px).step_by(PATTERN) {
-                        for class in 0..CLASSES {
-                            shade_class(simd, pass, (area_x, area_y), sample, class, (x, y), film_tile, scratch);
+            keep_nearest(pass, (x, y), film_tile, &scratch.tile);
+            for area_y in (0..tile_px).step_by(PATTERN) {
+                for area_x in (0..tile_px).step_by(PATTERN) {
+                    let area = Area { in_tile: (area_x, area_y), in_film: (x + area_x, y + area_y) };
+                    for sample in 0..pass.samples {
+                        for quarter in 0..4 {
+                            shade_quarter(simd, pass, &area, sample, quarter, film_tile, scratch);
                         }
                     }
+                }
+            }
+        }
+    }
+}
+
+/// 8 x 8 pixels: where they lie in the tile and in the film tile.
+struct Area {
+    in_tile: (usize, usize),
+    in_film: (usize, usize),
+}
+
+/// Keeps depth and id of the sample nearest each pixel's center; the tile lies at `corner` of the film tile.
+fn keep_nearest(pass: &Pass, corner: (usize, usize), film_tile: &mut FilmTile, tile: &Tile) {
+    for y in 0..EDGE * pass.block_px {
+        for x in 0..EDGE * pass.block_px {
+            let (sample, center_sq) = pass.nearest[y % PATTERN * PATTERN + x % PATTERN];
+            let pixel = (corner.1 + y) * FILM_EDGE + corner.0 + x;
+            if center_sq < film_tile.nearest_sq[pixel] {
+                let (block, lane) = pass.slot(x, y, sample);
+                film_tile.nearest_sq[pixel] = center_sq;
+                film_tile.depth[pixel] = tile.depth[block][lane];
+                if tile.depth[block][lane] < f32::INFINITY {
+                    film_tile.id[pixel] = pass.scene.structure.sphere(tile.node[block][lane]).2;
                 }
             }
         }
@@ -218,7 +252,7 @@ fn find_hits<S: Simd>(simd: S, pass: &Pass, corner: (usize, usize), scratch: &mu
                 for lane in 0..RAYS {
                     if let Some(hit) = structure.intersect(&tile.ray(&pass.view, block, lane), None) {
                         tile.depth[block][lane] = hit.t;
-                        tile.id[block][lane] = hit.id;
+                        tile.node[block][lane] = hit.node;
                     }
                 }
             }
@@ -258,94 +292,106 @@ fn set_rays<S: Simd>(simd: S, pass: &Pass, corner: (usize, usize), tile: &mut Ti
     }
 }
 
-/// Lights what one sample of the sixteen pixels of a class met, in the 8 x 8 area at `area` of the tile, and adds it to the film;
-/// the tile lies at `corner` of the film tile.
+/// Lights what one sample of the 4 x 4 pixels of a quarter of the area met, and adds it to the film.
 #[simd]
-#[expect(clippy::too_many_arguments, reason = "the loops around it stand in one place")]
-fn shade_class<S: Simd>(
+fn shade_quarter<S: Simd>(
     simd: S,
     pass: &Pass,
-    area: (usize, usize),
+    area: &Area,
     sample: usize,
-    class_: usize,
-    corner: (usize, usize),
+    quarter: usize,
     film_tile: &mut FilmTile,
     scratch: &mut Scratch,
 ) {
     let scene = pass.scene;
-    let mut hits = 0_u32;
-    let mut color = [Vec3::ZERO; RAYS];
-    let mut normal = [Vec3::ZERO; RAYS];
-    let mut points = Points { position: [[0.0; RAYS]; 3], on: [u32::MAX; RAYS] };
-    let mut brightness = [1.0_f32; RAYS];
-    let pixel_of = |lane: usize| (area.0 + lane % 4 * 2 + class_ % 2, area.1 + lane / 4 * 2 + class_ / 2);
+    let in_area = |lane: usize| (lane % 4 + quarter % 2 * 4, lane / 4 + quarter / 2 * 4);
 
-    // What was met: color, place and normal.
+    // What was met.
+    let mut hits = 0_u32;
+    let mut depth = [0.0; RAYS];
+    let mut varying = [[0.0; RAYS]; 3];
+    let mut center = [[0.0; RAYS]; 3];
+    let mut radius = [0.0; RAYS];
+    let mut color = [[0.0; 3]; RAYS];
+    let mut node = [u32::MAX; RAYS];
     for lane in 0..RAYS {
-        let (x, y) = pixel_of(lane);
-        let (block, ray_lane) = pass.slot(x, y, sample);
-        let t = scratch.tile.depth[block][ray_lane];
-        let id = scratch.tile.id[block][ray_lane];
-        let pixel = (corner.1 + y) * FILM_EDGE + corner.0 + x;
-        let offset = pass.offsets[y % PATTERN * PATTERN + x % PATTERN][sample];
-        let center_sq = (offset[0] - 0.5).powi(2) + (offset[1] - 0.5).powi(2);
-        if center_sq < film_tile.nearest_sq[pixel] {
-            film_tile.nearest_sq[pixel] = center_sq;
-            film_tile.depth[pixel] = t;
-            film_tile.id[pixel] = id;
-        }
-        if t == f32::INFINITY {
+        let (x, y) = in_area(lane);
+        let (block, ray_lane) = pass.slot(area.in_tile.0 + x, area.in_tile.1 + y, sample);
+        depth[lane] = scratch.tile.depth[block][ray_lane];
+        if depth[lane] == f32::INFINITY {
             continue;
         }
         hits |= 1 << lane;
-        color[lane] = Vec3::from_array(scene.colors.color(id as usize));
-        if scene.lighting == Lighting::Flat {
-            continue;
-        }
-        let ray = scratch.tile.ray(&pass.view, block, ray_lane);
-        let center = scene.spheres.center(id as usize);
-        normal[lane] = (ray.origin + t * ray.direction - center).normalize_or(-ray.direction);
-        let position = center + scene.spheres.radius(id as usize) * normal[lane];
+        node[lane] = scratch.tile.node[block][ray_lane];
+        let (at, size, id) = scene.structure.sphere(node[lane]);
+        color[lane] = scene.colors.color(id as usize);
+        radius[lane] = size;
         for axis in 0..3 {
-            points.position[axis][lane] = position[axis];
+            center[axis][lane] = at[axis];
+            varying[axis][lane] = scratch.tile.varying[block][axis][ray_lane];
         }
-        points.on[lane] = id;
-        brightness[lane] = normal[lane].dot(-ray.direction).max(0.0);
     }
     if hits == 0 {
         return;
     }
 
+    // Its normal, and its place on the sphere.
+    let varying = Lanes3::load(simd, &varying);
+    let (origin, direction) = if pass.view.perspective {
+        (Lanes3::splat(simd, pass.view.eye), varying)
+    } else {
+        (varying, Lanes3::splat(simd, pass.view.forward))
+    };
+    let center = Lanes3::load(simd, &center);
+    let outward = origin.plus(direction.times(f32x16::load_array(simd, depth))).minus(center);
+    // A sphere so small that rounding leaves no direction faces the eye.
+    let length_sq = outward.dot(outward);
+    let is_clear = length_sq.simd_gt(f32x16::splat(simd, f32::MIN_POSITIVE));
+    let normal = outward.times(f32x16::splat(simd, 1.0) / length_sq.sqrt());
+    let normal = Lanes3 {
+        x: is_clear.select(normal.x, -direction.x),
+        y: is_clear.select(normal.y, -direction.y),
+        z: is_clear.select(normal.z, -direction.z),
+    };
+
     // How it is lit.
-    if let Lighting::Studio(key, sky) = &scene.lighting {
-        let light = &pass.lights[sample][class_];
-        brightness = [0.0; RAYS];
-        for (toward, radiance) in [
-            (light.key, &(|normal| key_radiance(key, light, normal)) as &dyn Fn(Vec3) -> f32),
-            (light.sky, &|normal| sky_radiance(sky, light, normal)),
-        ] {
-            let facing = (0..RAYS).filter(|&lane| hits >> lane & 1 == 1 && normal[lane].dot(toward) > 0.0);
-            let facing = facing.fold(0, |mask, lane| mask | 1 << lane);
-            let lit = match &scene.structure {
-                Structure::Bvh(bvh) => {
-                    shadows::unoccluded(simd, bvh, toward, &points, facing, &mut scratch.shadow_stack)
-                }
-                structure => unoccluded(structure, toward, &points, facing),
-            };
-            for lane in (0..RAYS).filter(|lane| lit >> lane & 1 == 1) {
-                brightness[lane] += radiance(normal[lane]);
+    let zero = f32x16::splat(simd, 0.0);
+    let brightness = match &scene.lighting {
+        Lighting::Flat => f32x16::splat(simd, 1.0),
+        Lighting::Headlight => (-normal.dot(direction)).max(zero),
+        Lighting::Studio(key, sky) => {
+            let light = &pass.lights[sample];
+            let mut points = Points { position: [[0.0; RAYS]; 3], on: node };
+            center.plus(normal.times(f32x16::load_array(simd, radius))).store(&mut points.position);
+            let mut sum = zero;
+            for (toward, radiance) in
+                [(light.key, key_radiance(key)), (light.sky, sky_radiance(sky, light.sky))]
+            {
+                let cosine = normal.dot(Lanes3::splat(simd, toward));
+                let facing = cosine.simd_gt(zero).to_bitmask() as u32 & hits;
+                let lit = match &scene.structure {
+                    Structure::Bvh(bvh) => {
+                        shadows::unoccluded(simd, bvh, toward, &points, facing, &mut scratch.shadow_stack)
+                    }
+                    structure => unoccluded(structure, toward, &points, facing),
+                };
+                let lit = mask32x16::from_bitmask(simd, lit as u64);
+                sum += lit.select(cosine * radiance, zero);
             }
+            sum
         }
-    }
+    };
 
     // Into the film.
-    for lane in (0..RAYS).filter(|lane| hits >> lane & 1 == 1) {
-        let (x, y) = pixel_of(lane);
-        debug_assert_eq!(class(x, y), class_);
-        let sum = &mut film_tile.sum[(corner.1 + y) * FILM_EDGE + corner.0 + x];
-        let light = color[lane] * brightness[lane];
-        for (sum, light) in sum.iter_mut().zip([light.x, light.y, light.z, 1.0]) {
-            *sum += light;
+    let brightness = brightness.to_array();
+    for lane in 0..RAYS {
+        if hits >> lane & 1 == 1 {
+            let (x, y) = in_area(lane);
+            let sum = &mut film_tile.sum[(area.in_film.1 + y) * FILM_EDGE + area.in_film.0 + x];
+            for channel in 0..3 {
+                sum[channel] += color[lane][channel] * brightness[lane];
+            }
+            sum[3] += 1.0;
         }
     }
 }
@@ -355,6 +401,7 @@ fn unoccluded(structure: &Structure, toward_light: Vec3, points: &Points, facing
     (0..RAYS).filter(|lane| facing >> lane & 1 == 1).fold(0, |lit, lane| {
         let origin = Vec3::from_array([0, 1, 2].map(|axis| points.position[axis][lane]));
         let ray = crate::math::Ray { origin, direction: toward_light, t_min: 0.0, t_max: f32::INFINITY };
-        lit | u32::from(!structure.occluded(&ray, Some(points.on[lane]))) << lane
+        let on = structure.sphere(points.on[lane]).2;
+        lit | u32::from(!structure.occluded(&ray, Some(on))) << lane
     })
 }

@@ -7,12 +7,12 @@ use fearless_simd::{f32x16, mask32x16, prelude::*, u32x16};
 use fearless_simd_macros::simd;
 use glam::Vec3;
 
-use super::simd::{Ball, Lanes3, Reach, child_of, decode, enter_sphere, grown, radii};
 use super::tiles::RAYS;
-use crate::structure::HIT_ROUNDING;
-use crate::structure::bvh::{Bvh, LEAF_BIT};
+use crate::math::HIT_ROUNDING;
+use crate::simd::{Ball, Lanes3, Reach, enter_sphere, grown};
+use crate::structure::bvh::{Bvh, LEAF, LEAF_BIT};
 
-/// Points from which light is looked for, by axis, and the particles on which they lie, which do not shadow them.
+/// Points from which light is looked for, by axis, and the nodes of the particles on which they lie, which do not shadow them.
 #[derive(Clone, Copy)]
 pub(super) struct Points {
     pub(super) position: [[f32; RAYS]; 3],
@@ -33,10 +33,8 @@ impl Span {
         let lit = mask32x16::from_bitmask(simd, lit as u64);
         let (none_low, none_high) =
             (f32x16::splat(simd, f32::INFINITY), f32x16::splat(simd, f32::NEG_INFINITY));
-        let low = [
-            lit.select(projected.x, none_low).reduce_min(),
-            lit.select(projected.y, none_low).reduce_min(),
-        ];
+        let low =
+            [lit.select(projected.x, none_low).reduce_min(), lit.select(projected.y, none_low).reduce_min()];
         let high = [
             lit.select(projected.x, none_high).reduce_max(),
             lit.select(projected.y, none_high).reduce_max(),
@@ -167,11 +165,10 @@ fn push_children<S: Simd>(
     stack: &mut Vec<Entry>,
 ) {
     let node = &bvh.nodes[child as usize];
-    let (center, half) = decode(simd, node, light.origin, HIT_ROUNDING * light.spread + bvh.slack);
+    let (center, half) = node.decode(simd, light.origin, HIT_ROUNDING * light.spread + bvh.slack);
     let center = light.project(simd, center);
     let reach = light.reach(simd, half);
-    let existing = (1u32 << (node.node_count + node.leaf_count)) - 1;
-    let mut kept = span.meets(simd, &center, &reach) & existing;
+    let mut kept = span.meets(simd, &center, &reach) & node.existing();
     let (x, y, z) = (center.x.to_array(), center.y.to_array(), center.z.to_array());
     let (reach_x, reach_y, reach_z) = (reach.x.to_array(), reach.y.to_array(), reach.z.to_array());
     let first = stack.len();
@@ -189,7 +186,7 @@ fn push_children<S: Simd>(
             continue;
         }
         // Insertion sort: far before near, so that the nearest is popped first.
-        let entry = Entry { along: z[child], child: child_of(node, child), lanes };
+        let entry = Entry { along: z[child], child: node.child(child), lanes };
         stack.push(entry);
         let mut place = stack.len() - 1;
         while place > first && stack[place - 1].along < entry.along {
@@ -212,7 +209,7 @@ fn shadow_of_leaf<S: Simd>(
     lanes: u32,
 ) -> u32 {
     let leaf = &bvh.leaves[place];
-    let radius = radii(simd, bvh, place);
+    let radius = bvh.radii(simd, place);
     let direction = Lanes3::splat(simd, light.toward);
     let particles = Lanes3::load(simd, &leaf.center);
     let center = particles.minus(Lanes3::splat(simd, light.origin));
@@ -222,7 +219,8 @@ fn shadow_of_leaf<S: Simd>(
     let mut shadowed = 0;
     if lanes.count_ones() < kept.count_ones() {
         // Few points: each against the sixteen particles.
-        let ids = u32x16::load_array_ref(simd, &leaf.id);
+        let first = (place * LEAF) as u32;
+        let nodes = u32x16::load_array(simd, std::array::from_fn(|k| first + k as u32));
         let mut left = lanes;
         while left != 0 {
             let lane = left.trailing_zeros() as usize;
@@ -230,7 +228,7 @@ fn shadow_of_leaf<S: Simd>(
             let [x, y, z] = &points.position;
             let origin = Lanes3::splat(simd, Vec3::new(x[lane], y[lane], z[lane]));
             let (t, meets) = enter_sphere(simd, particles.minus(origin), direction, radius * radius);
-            let other = !ids.simd_eq(u32x16::splat(simd, points.on[lane]));
+            let other = !nodes.simd_eq(u32x16::splat(simd, points.on[lane]));
             shadowed |= u32::from((other & meets & zero.simd_lt(t)).to_bitmask() != 0) << lane;
         }
     } else {
@@ -245,7 +243,7 @@ fn shadow_of_leaf<S: Simd>(
             let center = Lanes3::splat(simd, Vec3::new(x[lane], y[lane], z[lane]));
             let radius_sq = f32x16::splat(simd, radius[lane] * radius[lane]);
             let (t, meets) = enter_sphere(simd, center.minus(origin), direction, radius_sq);
-            let other = !on.simd_eq(u32x16::splat(simd, leaf.id[lane]));
+            let other = !on.simd_eq(u32x16::splat(simd, (place * LEAF + lane) as u32));
             shadowed |= (other & meets & zero.simd_lt(t)).to_bitmask() as u32;
         }
     }

@@ -4,16 +4,15 @@
 //! 4 x 4. The walk goes front to back; it skips what starts behind the deepest ray of all blocks that it touches, projects the
 //! sixteen particles of a leaf at once, and tests a particle against the sixteen rays of each block it touches in one step.
 //! Result: the same depth and id, bit for bit, that a ray each would find. Boxes and particles are grown by the rounding of the
-//! hit formula before anything is skipped (see `structure::HIT_ROUNDING`).
+//! hit formula before anything is skipped (see `math::HIT_ROUNDING`).
 
-use fearless_simd::{f32x16, prelude::*, u32x16};
+use fearless_simd::{f32x16, mask32x16, prelude::*, u32x16};
 use fearless_simd_macros::simd;
 use glam::Vec3;
 
-use super::simd::{Ball, Lanes3, Reach, child_of, decode, enter_sphere, grown, radii};
-use crate::math::Ray;
+use crate::math::{HIT_ROUNDING, Ray};
 use crate::scene::camera::View;
-use crate::structure::HIT_ROUNDING;
+use crate::simd::{Ball, Lanes3, Reach, enter_sphere, grown};
 use crate::structure::bvh::{Bvh, LEAF, LEAF_BIT, Leaf, Node};
 
 /// Blocks along a tile's edge, blocks in a tile, rays in a block.
@@ -37,8 +36,8 @@ pub(super) struct Tile {
     pub(super) varying: [[[f32; RAYS]; 3]; BLOCKS],
     /// Distance to what the ray met; infinite where it met nothing.
     pub(super) depth: [[f32; RAYS]; BLOCKS],
-    /// What it met; meaningless where it met nothing.
-    pub(super) id: [[u32; RAYS]; BLOCKS],
+    /// The node of what it met; meaningless where it met nothing.
+    pub(super) node: [[u32; RAYS]; BLOCKS],
     /// The deepest ray of each block and of each quad.
     block_depth: [f32; BLOCKS],
     quad_depth: [f32; QUADS],
@@ -49,7 +48,7 @@ impl Tile {
         Box::new(Self {
             varying: [[[0.0; RAYS]; 3]; BLOCKS],
             depth: [[f32::INFINITY; RAYS]; BLOCKS],
-            id: [[0; RAYS]; BLOCKS],
+            node: [[0; RAYS]; BLOCKS],
             block_depth: [f32::INFINITY; BLOCKS],
             quad_depth: [f32::INFINITY; QUADS],
         })
@@ -66,7 +65,8 @@ impl Tile {
     #[inline(always)]
     pub(super) fn ray(&self, view: &View, block: usize, lane: usize) -> Ray {
         let varying = Vec3::from_array(std::array::from_fn(|axis| self.varying[block][axis][lane]));
-        let (origin, direction) = if view.perspective { (view.eye, varying) } else { (varying, view.forward) };
+        let (origin, direction) =
+            if view.perspective { (view.eye, varying) } else { (varying, view.forward) };
         Ray { origin, direction, t_min: 0.0, t_max: f32::INFINITY }
     }
 
@@ -76,30 +76,34 @@ impl Tile {
         (0..QUADS).any(|quad| quads >> quad & 1 == 1 && near <= self.quad_depth[quad])
     }
 
-    /// Tests the particle against the sixteen rays of `block` and keeps what is nearer; equally near, the smaller id.
+    /// Tests the particle at `node` against the sixteen rays of `block` and keeps what is nearer; equally near, the smaller id.
     #[simd]
-    fn test<S: Simd>(&mut self, simd: S, view: &View, block: usize, center: Vec3, radius_sq: f32, id: u32) -> bool {
+    fn test<S: Simd>(&mut self, simd: S, bvh: &Bvh, view: &View, block: usize, node: u32) -> bool {
+        let (center, radius, id) = bvh.sphere(node);
         let varying = Lanes3::load(simd, &self.varying[block]);
         let (to_center, direction) = if view.perspective {
             (Lanes3::splat(simd, center - view.eye), varying)
         } else {
             (Lanes3::splat(simd, center).minus(varying), Lanes3::splat(simd, view.forward))
         };
-        let (t, meets) = enter_sphere(simd, to_center, direction, f32x16::splat(simd, radius_sq));
-        if meets.to_bitmask() == 0 {
-            return false;
-        }
+        let (t, meets) = enter_sphere(simd, to_center, direction, f32x16::splat(simd, radius * radius));
         let depth = f32x16::load_array_ref(simd, &self.depth[block]);
         let enters = meets & f32x16::splat(simd, 0.0).simd_lt(t) & t.simd_le(depth);
         if enters.to_bitmask() == 0 {
             return false;
         }
-        let old_id = u32x16::load_array_ref(simd, &self.id[block]);
-        let new_id = u32x16::splat(simd, id);
-        let wins = enters & (t.simd_lt(depth) | new_id.simd_lt(old_id));
+        let mut wins = enters & t.simd_lt(depth);
+        let ties = (enters & !wins).to_bitmask();
+        if ties != 0 {
+            // Equally near: rare, but for particles at one place.
+            let smaller = |lane: &usize| ties >> lane & 1 == 1 && id < bvh.sphere(self.node[block][*lane]).2;
+            let won = (0..RAYS).filter(smaller).fold(0, |mask, lane| mask | 1 << lane);
+            wins |= mask32x16::from_bitmask(simd, won);
+        }
         let depth = wins.select(t, depth);
         depth.store_array(&mut self.depth[block]);
-        wins.select(new_id, old_id).store_array(&mut self.id[block]);
+        let old = u32x16::load_array_ref(simd, &self.node[block]);
+        wins.select(u32x16::splat(simd, node), old).store_array(&mut self.node[block]);
         self.block_depth[block] = depth.reduce_max();
         true
     }
@@ -142,7 +146,15 @@ impl Beam {
         if view.perspective {
             let along = (view.forward + view.right * middle_u + view.up * middle_v).normalize();
             let across = [right - shift[0] * view.forward, down - shift[1] * view.forward];
-            Self { eye: view.eye, across, shift: [0.0; 2], along, forward: view.forward, perspective: true, spread: 0.0 }
+            Self {
+                eye: view.eye,
+                across,
+                shift: [0.0; 2],
+                along,
+                forward: view.forward,
+                perspective: true,
+                spread: 0.0,
+            }
         } else {
             let across = [right, down];
             Self {
@@ -232,7 +244,14 @@ pub(super) struct Entry {
 
 /// Finds what every ray of the tile meets. `stack` is scratch.
 #[simd]
-pub(super) fn walk<S: Simd>(simd: S, bvh: &Bvh, view: &View, beam: &Beam, tile: &mut Tile, stack: &mut Vec<Entry>) {
+pub(super) fn walk<S: Simd>(
+    simd: S,
+    bvh: &Bvh,
+    view: &View,
+    beam: &Beam,
+    tile: &mut Tile,
+    stack: &mut Vec<Entry>,
+) {
     stack.clear();
     if !bvh.nodes.is_empty() {
         stack.push(Entry { near: 0.0, child: 0, quads: 0b1111 });
@@ -253,11 +272,10 @@ pub(super) fn walk<S: Simd>(simd: S, bvh: &Bvh, view: &View, beam: &Beam, tile: 
 #[simd]
 fn push_children<S: Simd>(simd: S, bvh: &Bvh, node: &Node, beam: &Beam, tile: &Tile, stack: &mut Vec<Entry>) {
     let margin = HIT_ROUNDING * beam.spread + bvh.slack;
-    let (center, half) = decode(simd, node, beam.eye, margin);
+    let (center, half) = node.decode(simd, beam.eye, margin);
     let shadow = project(simd, beam, center, half);
     let quads = shadow.open_quads(simd, tile);
-    let existing = (1u32 << (node.node_count + node.leaf_count)) - 1;
-    let mut kept = (quads[0] | quads[1] | quads[2] | quads[3]) & existing;
+    let mut kept = (quads[0] | quads[1] | quads[2] | quads[3]) & node.existing();
     let near = shadow.near.to_array();
     let first = stack.len();
     while kept != 0 {
@@ -267,7 +285,7 @@ fn push_children<S: Simd>(simd: S, bvh: &Bvh, node: &Node, beam: &Beam, tile: &T
         for (quad, open) in quads.iter().enumerate() {
             mask |= (open >> child & 1) << quad;
         }
-        let entry = Entry { near: near[child], child: child_of(node, child), quads: mask as u8 };
+        let entry = Entry { near: near[child], child: node.child(child), quads: mask as u8 };
         // Insertion sort: at most eight, far before near.
         stack.push(entry);
         let mut place = stack.len() - 1;
@@ -284,7 +302,7 @@ fn push_children<S: Simd>(simd: S, bvh: &Bvh, node: &Node, beam: &Beam, tile: &T
 fn draw_leaf<S: Simd>(simd: S, bvh: &Bvh, place: usize, view: &View, beam: &Beam, tile: &mut Tile) {
     let leaf: &Leaf = &bvh.leaves[place];
     // Project the sixteen particles at once.
-    let radius = radii(simd, bvh, place);
+    let radius = bvh.radii(simd, place);
     let center = Lanes3::load(simd, &leaf.center).minus(Lanes3::splat(simd, beam.eye));
     let shadow = project(simd, beam, center, Ball(grown(simd, radius, center, beam.spread)));
     let quads = shadow.open_quads(simd, tile);
@@ -293,7 +311,6 @@ fn draw_leaf<S: Simd>(simd: S, bvh: &Bvh, place: usize, view: &View, beam: &Beam
         return;
     }
     let near = shadow.near.to_array();
-    let radius = radius.to_array();
     // Ranges of blocks; casting a float to an integer saturates.
     let half = 0.5 * EDGE as f32;
     let low = [(shadow.low[0] + half).to_array(), (shadow.low[1] + half).to_array()];
@@ -305,13 +322,12 @@ fn draw_leaf<S: Simd>(simd: S, bvh: &Bvh, place: usize, view: &View, beam: &Beam
         let block = |at: f32| (at.max(0.0) as usize).min(EDGE - 1);
         let (x_low, y_low) = (block(low[0][lane]), block(low[1][lane]));
         let (x_high, y_high) = (block(high[0][lane]), block(high[1][lane]));
-        let center = Vec3::new(leaf.center[0][lane], leaf.center[1][lane], leaf.center[2][lane]);
-        let radius_sq = radius[lane] * radius[lane];
+        let node = (place * LEAF + lane) as u32;
         for y in y_low..=y_high {
             for x in x_low..=x_high {
                 let block = block_at(x, y);
                 if near[lane] <= tile.block_depth[block] {
-                    changed |= tile.test(simd, view, block, center, radius_sq, leaf.id[lane]);
+                    changed |= tile.test(simd, bvh, view, block, node);
                 }
             }
         }

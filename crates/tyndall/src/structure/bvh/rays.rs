@@ -3,10 +3,10 @@
 use fearless_simd::{Level, dispatch, f32x8, f32x16, prelude::*};
 use fearless_simd_macros::simd;
 
-use super::simd::{Lanes3, child_of, decode, enter_sphere, inv_direction, radii};
+use super::{Bvh, LEAF, LEAF_BIT};
 use crate::math::Ray;
+use crate::simd::{Lanes3, enter_sphere};
 use crate::structure::Hit;
-use crate::structure::bvh::{Bvh, LEAF, LEAF_BIT};
 
 impl Bvh {
     /// See [`crate::structure::Structure::intersect`].
@@ -35,7 +35,7 @@ const STACK: usize = 128;
 
 #[simd]
 fn walk<S: Simd>(simd: S, bvh: &Bvh, ray: &Ray, except: Option<u32>, mut wanted: Wanted) {
-    let inv_direction = inv_direction(ray);
+    let inv_direction = ray.inv_direction();
     let mut t_far = ray.t_max;
     let mut stack = [(0.0_f32, 0_u32); STACK];
     let mut top = usize::from(!bvh.nodes.is_empty());
@@ -49,10 +49,11 @@ fn walk<S: Simd>(simd: S, bvh: &Bvh, ray: &Ray, except: Option<u32>, mut wanted:
             let place = (child & !LEAF_BIT) as usize;
             let t = enter_leaf(simd, bvh, place, ray, except);
             let leaf = &bvh.leaves[place];
-            for (&t, &id) in t.iter().zip(&leaf.id).filter(|&(&t, _)| t < ray.t_max) {
+            for (lane, &t) in t.iter().enumerate().filter(|&(_, &t)| t < ray.t_max) {
                 match &mut wanted {
                     Wanted::Nearest(best) => {
-                        Hit::keep_nearer(best, Hit { t, id });
+                        let node = (place * LEAF + lane) as u32;
+                        Hit::keep_nearer(best, Hit { t, id: leaf.id[lane], node });
                         // Clip the ray to the nearest hit: what is behind it is hidden.
                         t_far = t_far.min(t);
                     }
@@ -66,7 +67,7 @@ fn walk<S: Simd>(simd: S, bvh: &Bvh, ray: &Ray, except: Option<u32>, mut wanted:
         }
         // Meet the eight boxes at once.
         let node = &bvh.nodes[child as usize];
-        let (center, half) = decode(simd, node, ray.origin, bvh.slack);
+        let (center, half) = node.decode(simd, ray.origin, bvh.slack);
         let mut enter = f32x8::splat(simd, ray.t_min);
         let mut leave = f32x8::splat(simd, t_far);
         let sides = [
@@ -80,8 +81,7 @@ fn walk<S: Simd>(simd: S, bvh: &Bvh, ray: &Ray, except: Option<u32>, mut wanted:
             enter = enter.max(a.min(b));
             leave = leave.min(a.max(b));
         }
-        let existing = (1u64 << (node.node_count + node.leaf_count)) - 1;
-        let mut kept = enter.simd_le(leave).to_bitmask() & existing;
+        let mut kept = enter.simd_le(leave).to_bitmask() as u32 & node.existing();
         let enter = enter.to_array();
         let first = top;
         while kept != 0 {
@@ -93,7 +93,7 @@ fn walk<S: Simd>(simd: S, bvh: &Bvh, ray: &Ray, except: Option<u32>, mut wanted:
                 stack[place] = stack[place - 1];
                 place -= 1;
             }
-            stack[place] = (enter[child], child_of(node, child));
+            stack[place] = (enter[child], node.child(child));
             top += 1;
         }
     }
@@ -103,7 +103,7 @@ fn walk<S: Simd>(simd: S, bvh: &Bvh, ray: &Ray, except: Option<u32>, mut wanted:
 #[simd]
 fn enter_leaf<S: Simd>(simd: S, bvh: &Bvh, place: usize, ray: &Ray, except: Option<u32>) -> [f32; LEAF] {
     let leaf = &bvh.leaves[place];
-    let radius = radii(simd, bvh, place);
+    let radius = bvh.radii(simd, place);
     let to_center = Lanes3::load(simd, &leaf.center).minus(Lanes3::splat(simd, ray.origin));
     let (t, meets) = enter_sphere(simd, to_center, Lanes3::splat(simd, ray.direction), radius * radius);
     let t_max = f32x16::splat(simd, ray.t_max);

@@ -3,15 +3,19 @@
 //! `build` cuts the particles along their widest axis into leaves that are full but for the last. The cuts depend on counts
 //! alone, so the shape of the tree is known beforehand and all its parts are filled in parallel, in place. A node holds the
 //! boxes of its children in 8 bits a coordinate, rounded outward: invariant: a decoded box holds every sphere below it.
-//! The walks stand in `render::cpu`.
+//! `rays` walks it with single rays; the walks of many rays at once stand in `render::cpu`.
 
+mod rays;
+
+use fearless_simd::{f32x8, f32x16, prelude::*};
 use glam::Vec3;
 
 use super::build::{RADIUS, Record, cut, records, widest};
 use super::{Spheres, box_slack};
 use crate::error::{Error, Result};
-use crate::math::Bounds;
+use crate::math::{Bounds, HIT_ROUNDING};
 use crate::progress::Progress;
+use crate::simd::Lanes3;
 
 /// Particles in a leaf, children of a node.
 pub const LEAF: usize = 16;
@@ -42,6 +46,56 @@ pub(crate) struct Node {
     pub(crate) first_leaf: u32,
     pub(crate) node_count: u8,
     pub(crate) leaf_count: u8,
+}
+
+impl Node {
+    /// The place of child `child` among the nodes, or with [`LEAF_BIT`] among the leaves.
+    #[inline(always)]
+    pub(crate) fn child(&self, child: usize) -> u32 {
+        let inner = self.node_count as usize;
+        if child < inner {
+            self.first_node + child as u32
+        } else {
+            LEAF_BIT | (self.first_leaf + (child - inner) as u32)
+        }
+    }
+
+    /// A bit for every child that exists.
+    #[inline(always)]
+    pub(crate) fn existing(&self) -> u32 {
+        (1 << (self.node_count + self.leaf_count)) - 1
+    }
+
+    /// Middles and half extents of the child boxes, measured from `eye`; the extents grown by `margin` and against rounding.
+    #[inline(always)]
+    pub(crate) fn decode<S: Simd>(
+        &self,
+        simd: S,
+        eye: Vec3,
+        margin: f32,
+    ) -> (Lanes3<f32x8<S>>, Lanes3<f32x8<S>>) {
+        let (x, half_x) = self.decode_axis(simd, 0, eye.x, margin);
+        let (y, half_y) = self.decode_axis(simd, 1, eye.y, margin);
+        let (z, half_z) = self.decode_axis(simd, 2, eye.z, margin);
+        (Lanes3 { x, y, z }, Lanes3 { x: half_x, y: half_y, z: half_z })
+    }
+
+    #[inline(always)]
+    fn decode_axis<S: Simd>(&self, simd: S, axis: usize, eye: f32, margin: f32) -> (f32x8<S>, f32x8<S>) {
+        let mut sum = [0.0; WIDTH];
+        let mut difference = [0.0; WIDTH];
+        for child in 0..WIDTH {
+            let (lower, upper) = (self.lower[axis][child] as i32, self.upper[axis][child] as i32);
+            sum[child] = (upper + lower) as f32;
+            difference[child] = (upper - lower) as f32;
+        }
+        let half_step = f32x8::splat(simd, 0.5 * self.step[axis]);
+        let to_corner = f32x8::splat(simd, self.corner[axis] - eye);
+        let middle = f32x8::load_array(simd, sum).mul_add(half_step, to_corner);
+        let half = f32x8::load_array(simd, difference) * half_step;
+        let rounding = f32x8::splat(simd, HIT_ROUNDING);
+        (middle, (middle.abs() + half).mul_add(rounding, half + f32x8::splat(simd, margin)))
+    }
 }
 
 /// See the module.
@@ -83,6 +137,24 @@ impl Bvh {
             bvh.slack = box_slack(&bvh.bounds);
         }
         if progress.cancelled() { Err(Error::Interrupted) } else { Ok(bvh) }
+    }
+
+    /// See [`super::Structure::sphere`]: a node is a leaf's place, times sixteen, plus the particle's place therein.
+    #[inline(always)]
+    pub fn sphere(&self, node: u32) -> (Vec3, f32, u32) {
+        let (leaf, place) = (node as usize / LEAF, node as usize % LEAF);
+        let [x, y, z] = &self.leaves[leaf].center;
+        let radius = self.radii.get(leaf).map_or(self.radius, |radii| radii[place]);
+        (Vec3::new(x[place], y[place], z[place]), radius, self.leaves[leaf].id[place])
+    }
+
+    /// The radii of a leaf's particles.
+    #[inline(always)]
+    pub(crate) fn radii<S: Simd>(&self, simd: S, leaf: usize) -> f32x16<S> {
+        match self.radii.get(leaf) {
+            Some(radii) => f32x16::load_array_ref(simd, radii),
+            None => f32x16::splat(simd, self.radius),
+        }
     }
 
     /// The box of all particles, radii included.
@@ -276,7 +348,8 @@ mod tests {
                 let mut inside = Bounds::EMPTY;
                 for place in (0..LEAF).filter(|&place| bvh.leaves[leaf].id[place] != u32::MAX) {
                     ids.push(bvh.leaves[leaf].id[place]);
-                    let center = Vec3::from_array(std::array::from_fn(|axis| bvh.leaves[leaf].center[axis][place]));
+                    let center =
+                        Vec3::from_array(std::array::from_fn(|axis| bvh.leaves[leaf].center[axis][place]));
                     inside = inside.union(Bounds { min: center, max: center }.grown(bvh.radius));
                 }
                 inside

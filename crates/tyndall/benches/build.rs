@@ -1,0 +1,31 @@
+//! How fast structures are built: `build/<structure>/<law>`, in particles a second.
+
+use divan::Bencher;
+use divan::counter::ItemsCount;
+use tyndall::structure::{Kind, Spheres, Structure, pkd};
+use tyndall::synthetic;
+
+fn main() {
+    divan::main();
+}
+
+const LAWS: [&str; 3] = ["packed?n=1e6", "uniform?n=1e6", "clustered?n=1e6"];
+
+fn build(bencher: Bencher, law: &str, kind: Kind) {
+    let particles = synthetic::generate(law, &()).expect("a known law");
+    let radii = particles.radii().expect("synthetic particles have a radius").clone();
+    let spheres = Spheres { particles: &particles, radii: &radii, radius_scale: 1.0 };
+    bencher
+        .counter(ItemsCount::new(particles.len()))
+        .bench(|| Structure::build(kind, spheres, &()).expect("nobody interrupts"));
+}
+
+#[divan::bench(args = LAWS, sample_count = 10)]
+fn bvh(bencher: Bencher, law: &str) {
+    build(bencher, law, Kind::Bvh);
+}
+
+#[divan::bench(args = LAWS, sample_count = 10)]
+fn pkd(bencher: Bencher, law: &str) {
+    build(bencher, law, Kind::Pkd(pkd::Options::default()));
+}
