@@ -130,7 +130,7 @@ pub(crate) struct Render {
 #[derive(Args)]
 #[command(next_help_heading = "Picture")]
 pub(crate) struct Picture {
-    /// The picture; its extension says which kind: .png .exr. With a number for several: %04d, #### or $F4
+    /// The picture; its extension says which kind: .png .exr. Several have the number of their frame in the name: %04d, #### or $F4
     #[arg(short, long, value_name = "OUT")]
     pub(crate) output: PathBuf,
     /// Pixels across and down

@@ -6,6 +6,7 @@
 use std::time::Instant;
 
 use glam::DVec3;
+use tyndall::estimate::Work;
 use tyndall::particles::Particles;
 use tyndall::render::{Settings, render};
 use tyndall::scene::camera::{Camera, Projection};
@@ -16,6 +17,7 @@ use tyndall::structure::{Spheres, Structure};
 use tyndall::{Progress, synthetic};
 
 use crate::args;
+use crate::dry_run::check_memory;
 use crate::render::structure;
 use crate::report::{Outcome, Report, bytes};
 
@@ -31,6 +33,8 @@ pub(crate) fn run(args: &args::Bench, report: &Report) -> Outcome<()> {
     for &count in &args.n {
         for set in &args.sets {
             let specification = format!("{set}?n={count}&seed=1");
+            let size = Settings { width: args.size.width, height: args.size.height, samples: 1, seed: 0 };
+            check_memory(&Work::of_count(count, structure(&args.structure), size))?;
             let particles = synthetic::generate(&specification, report.progress())?;
             let rows = measure(set, &particles, args, report)?;
             rows.into_iter().for_each(|row| table.add(row));

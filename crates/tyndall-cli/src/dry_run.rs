@@ -10,7 +10,7 @@ pub(crate) fn check_memory(work: &Work) -> Outcome<()> {
     let needed_bytes = work.memory_bytes();
     match available_bytes() {
         Some(available_bytes) if needed_bytes > available_bytes => Err(Error::Memory {
-            what: format!("a picture of {} particles", tyndall::scene::grouped(work.particles as usize)),
+            what: format!("the work on {} particles", tyndall::scene::grouped(work.particles as usize)),
             needed_bytes,
             available_bytes,
             hint: "try fewer particles, a smaller --size, or a machine with more memory".into(),
@@ -30,7 +30,7 @@ pub(crate) fn tell(work: &Work, pictures: usize, report: &Report) -> Outcome<()>
         1 => format!("about {}", seconds(each)),
         count => format!("about {} a picture, {} for {count}", seconds(each), seconds(each * count as f64)),
     };
-    report.out(&format!("dry run: memory {needed}{available}; time without reading {time}, {threads} threads; nothing written\n"))
+    report.out(&format!("dry run: memory {needed}{available}; time without reading {time} on {threads} threads, up to ten times that if most particles are smaller than a pixel; nothing written\n"))
 }
 
 /// Memory that may be taken without swapping, where the system tells: what is free, and what the process may have.

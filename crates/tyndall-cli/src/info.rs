@@ -1,16 +1,21 @@
 //! `tyndall info`: what is in a file, for people or as JSON.
 
+use tyndall::estimate::Work;
 use tyndall::particles::{Attribute, Particles};
+use tyndall::render::Settings;
 use tyndall::scene::{grouped, short};
+use tyndall::structure::Kind;
 use tyndall_io::{Frame, Sequence};
 
 use crate::args;
 use crate::report::{Outcome, Report, counted};
 use crate::values::frame as frame_number;
-use crate::{input, json};
+use crate::{dry_run, input, json};
 
 /// Describes a frame.
 pub(crate) fn run(args: &args::Info, report: &Report) -> Outcome<()> {
+    let settings = Settings { width: 1, height: 1, samples: 1, seed: 0 };
+    dry_run::check_memory(&Work::of_count(input::known_count(&args.input.files)?, Kind::Brute, settings))?;
     let sequence = input::open(&args.input)?;
     let number = frame_number(args.frame, sequence.len())?;
     let frame = input::read(&sequence, number, &args.input, report)?;

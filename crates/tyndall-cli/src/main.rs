@@ -11,6 +11,7 @@ mod input;
 mod json;
 mod metadata;
 mod output;
+mod plan;
 mod progress;
 mod render;
 mod report;

@@ -3,7 +3,6 @@
 //! What is not said is guessed from the first frame: camera and radius are kept for all frames, so that nothing jumps; the color
 //! range follows each frame unless it is fixed. A frame that fails does not stop the others.
 
-use std::path::PathBuf;
 use std::time::Instant;
 
 use tyndall::estimate::Work;
@@ -23,8 +22,9 @@ use tyndall_io::{Frame, Sequence};
 
 use crate::args::{self, LightLook, Mode, PkdAxis, PkdOrder, StructureArgs, StructureName};
 use crate::output::Pattern;
+use crate::plan::{self, Picture};
 use crate::report::{Failure, Outcome, Report, counted, seconds};
-use crate::values::{Degrees, frame as frame_number};
+use crate::values::Degrees;
 use crate::{dry_run, input, metadata, progress};
 
 /// Renders what the command line asks for.
@@ -38,19 +38,11 @@ pub(crate) fn run(args: &args::Render, report: &Report) -> Outcome<()> {
         job.settings,
     ))?;
     let sequence = input::open(&args.input)?;
-    let pictures = job.pictures(&sequence)?;
+    let pictures = plan::pictures(args, &job.pattern, sequence.len(), report)?;
     if args.method.dry_run {
         return job.dry_run(&sequence, &pictures);
     }
     job.pictures_of(&sequence, &pictures)
-}
-
-/// One picture to be made.
-struct Picture {
-    frame: usize,
-    path: PathBuf,
-    /// By how much the camera is turned, in radians.
-    turn: f64,
 }
 
 /// What is guessed on the first frame and kept.
@@ -100,54 +92,6 @@ impl<'a> Job<'a> {
             background: if *alpha { None } else { background.0 },
             pattern: Pattern::new(&args.picture.output),
         })
-    }
-
-    /// Which frames go to which files, in order.
-    fn pictures(&self, sequence: &Sequence) -> Outcome<Vec<Picture>> {
-        let args::Frames { frame, frames, orbit, frame_count, .. } = &self.args.frames;
-        let count = sequence.len();
-        let chosen = match (frame, frames) {
-            (Some(number), _) => vec![frame_number(*number, count)?],
-            (None, Some(slice)) => slice.of(count),
-            (None, None) if self.pattern.is_numbered() => (0..count).collect(),
-            (None, None) => vec![0],
-        };
-        if chosen.is_empty() {
-            let allowed = format!("it takes none of the frames 0 to {}", count - 1);
-            return Err(Failure::Usage(format!("--frames takes no frame — {allowed}")));
-        }
-        if frame.is_none() && frames.is_none() && !self.pattern.is_numbered() && count > 1 {
-            self.report.note(format_args!(
-                "note: frame 0 of {count}; --frame N for another, -o NAME.%04d.png for all of them"
-            ));
-        }
-
-        // An orbit around one frame has as many pictures as are asked for.
-        let around_one = chosen.len() == 1 && frame_count.is_some();
-        if frame_count.is_some() && chosen.len() > 1 {
-            return Err(Failure::Usage(format!(
-                "--frame-count is for an orbit around one frame, here are {} — leave it out, or give --frame N",
-                chosen.len()
-            )));
-        }
-        let pictures = if around_one { frame_count.unwrap_or(1) as usize } else { chosen.len() };
-        if orbit.is_some() && pictures == 1 {
-            return Err(Failure::Usage(
-                "--orbit needs several pictures — give --frame-count N and -o NAME.%04d.png".into(),
-            ));
-        }
-        if pictures > 1 && !self.pattern.is_numbered() {
-            let path = self.args.picture.output.display();
-            let allowed = format!("{pictures} pictures need a number in the name, such as NAME.%04d.png");
-            return Err(Error::setting("-o", path, allowed).into());
-        }
-        let angle = orbit.map_or(0.0, |Degrees(degrees)| degrees.to_radians());
-        let picture = |place: usize| {
-            let frame = if around_one { chosen[0] } else { chosen[place] };
-            let path = self.pattern.name(if around_one { place } else { frame });
-            Picture { frame, path, turn: angle * place as f64 / pictures as f64 }
-        };
-        Ok((0..pictures).map(picture).collect())
     }
 
     /// Reads the first frame only, and says what the pictures would cost.

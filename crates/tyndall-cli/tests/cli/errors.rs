@@ -111,13 +111,15 @@ fn more_than_the_memory_is_refused_before_the_work() {
     let free = std::fs::read_to_string("/proc/meminfo").unwrap_or_default();
     let free = free.lines().find_map(|line| line.strip_prefix("MemAvailable:")?.trim().strip_suffix(" kB"));
     match free.and_then(|free| free.trim().parse::<u64>().ok()) {
-        Some(kib) if kib < 150 << 20 => {}
-        _ => return println!("skipped: more than 150 GiB are free, or the system does not tell"),
+        Some(kib) if kib < 90 << 20 => {}
+        _ => return println!("skipped: more than 90 GiB are free, or the system does not tell"),
     }
     for more in ["--dry-run", "-q"] {
         let ran = folder.render(&format!("synthetic:uniform?n=4e9 -o a.png {more}"));
         ran.fails(4, &["error[E-memory]", "4,000,000,000 particles needs", "GiB", "are available — "]);
     }
+    folder.line("info synthetic:uniform?n=4e9").fails(4, &["error[E-memory]"]);
+    folder.line("bench --n 3.9e9 -q").fails(4, &["error[E-memory]"]);
     folder.render("synthetic:uniform?n=1e12 -o a.png --dry-run").fails(2, &["n cannot be '1000000000000'"]);
 }
 
