@@ -6,8 +6,8 @@
 use std::time::Instant;
 
 use glam::DVec3;
-use tyndall::estimate::Work;
 use tyndall::particles::Particles;
+use tyndall::render::estimate::Work;
 use tyndall::render::{Settings, render};
 use tyndall::scene::camera::{Camera, Projection};
 use tyndall::scene::color::ParticleColors;

@@ -1,7 +1,7 @@
 //! How much memory and time a picture needs, and whether the machine has it.
 
 use tyndall::Error;
-use tyndall::estimate::Work;
+use tyndall::render::estimate::Work;
 
 use crate::report::{Outcome, Report, bytes, seconds};
 

@@ -1,8 +1,8 @@
 //! `tyndall info`: what is in a file, for people or as JSON.
 
-use tyndall::estimate::Work;
 use tyndall::particles::{Attribute, Particles};
 use tyndall::render::Settings;
+use tyndall::render::estimate::Work;
 use tyndall::scene::{grouped, short};
 use tyndall::structure::Kind;
 use tyndall_io::{Frame, Sequence};

@@ -5,8 +5,8 @@
 
 use std::time::Instant;
 
-use tyndall::estimate::Work;
 use tyndall::particles::{Particles, Radii};
+use tyndall::render::estimate::Work;
 use tyndall::render::{Settings, render};
 use tyndall::scene::automatic::{self, Framing, Outliers};
 use tyndall::scene::camera::{Camera, VERTICAL_ANGLE};

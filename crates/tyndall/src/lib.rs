@@ -4,7 +4,6 @@
 //! seen, a renderer fills a film, and the result is an [`Image`].
 
 pub mod error;
-pub mod estimate;
 pub mod film;
 pub mod math;
 pub mod particles;

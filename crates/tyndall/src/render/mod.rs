@@ -4,6 +4,7 @@
 //! give the same picture, bit for bit, whatever the number of threads and the width of SIMD.
 
 pub mod cpu;
+pub mod estimate;
 mod sampling;
 mod shade;
 

@@ -2,8 +2,8 @@
 //!
 //! The times are those of one core of a 2.x GHz server; they say whether to wait for seconds or for hours, no more.
 
+use super::Settings;
 use crate::particles::Particles;
-use crate::render::Settings;
 use crate::structure::Kind;
 
 /// Memory of a particle without attributes: three coordinates.
