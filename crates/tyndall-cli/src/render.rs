@@ -8,12 +8,13 @@ use std::time::Instant;
 use tyndall::particles::{Particles, Radii};
 use tyndall::render::estimate::Work;
 use tyndall::render::{Settings, render};
-use tyndall::scene::automatic::{self, Framing, Outliers};
+use tyndall::scene::automatic::{self, Outliers};
 use tyndall::scene::camera::{Camera, VERTICAL_ANGLE};
 use tyndall::scene::color::{ParticleColors, resolve};
 use tyndall::scene::coloring::{Norm, Range};
 use tyndall::scene::light::Lighting;
-use tyndall::scene::viewpoint::{Lens, Viewpoint, too_small, why_unseen};
+use tyndall::scene::outline::Outline;
+use tyndall::scene::viewpoint::{Lens, Motion, Viewpoint, too_small, why_unseen};
 use tyndall::scene::{Scene, short};
 use tyndall::structure::{Kind, Spheres, Structure, pkd};
 use tyndall::{Error, Image};
@@ -48,6 +49,7 @@ pub(crate) fn run(args: &args::Render, report: &Report) -> Outcome<()> {
 /// What is guessed on the first frame and kept.
 struct Kept {
     camera: Camera,
+    outline: Outline,
     uniform: Option<Radii>,
     range: Option<(Norm, Range)>,
 }
@@ -81,8 +83,10 @@ impl<'a> Job<'a> {
             (None, Some(Degrees(fov))) => Lens::Perspective { vertical_angle: fov.to_radians() },
             (None, None) => Lens::Perspective { vertical_angle: VERTICAL_ANGLE },
         };
+        let motion = if args.frames.orbit.is_some() { Motion::Orbit } else { Motion::Still };
         let side = camera.view.unwrap_or_default();
-        let viewpoint = Viewpoint { eye: camera.eye, look_at: camera.look_at, up: camera.up, side, lens };
+        let viewpoint =
+            Viewpoint { eye: camera.eye, look_at: camera.look_at, up: camera.up, side, lens, motion };
         Ok(Self {
             args,
             report,
@@ -187,8 +191,8 @@ impl<'a> Job<'a> {
         let (radii, radius_text) = self.radii(&particles, kept.as_ref());
         let spheres =
             Spheres { particles: &particles, radii: &radii, radius_scale: self.args.look.radius_scale };
-        let (camera, framing_text) = match kept.as_ref() {
-            Some(kept) => (kept.camera, "as the first frame".to_string()),
+        let (camera, outline, framing_text) = match kept.as_ref() {
+            Some(kept) => (kept.camera, kept.outline.clone(), "framed as the first frame".to_string()),
             None => self.camera(spheres),
         };
         let colors = self.colors(&particles, kept.as_ref())?;
@@ -203,7 +207,12 @@ impl<'a> Job<'a> {
             let range =
                 colors.legend.as_ref().map(|legend| (legend.norm, Range::Given(legend.low, legend.high)));
             let uniform = matches!(radii, Radii::Uniform(_)).then(|| radii.clone());
-            *kept = Some(Kept { camera, uniform, range: range.filter(|_| self.args.frames.fixed_range) });
+            *kept = Some(Kept {
+                camera,
+                outline: outline.clone(),
+                uniform,
+                range: range.filter(|_| self.args.frames.fixed_range),
+            });
         } else {
             self.report.detail(format_args!("frame {number}: {}", guesses.join(" · ")));
         }
@@ -219,7 +228,7 @@ impl<'a> Job<'a> {
         let mut scene = Scene { spheres, structure, colors, lighting, background: self.background };
         for (place, picture) in pictures.iter().enumerate() {
             let rendering = Instant::now();
-            let image = self.image(&mut scene, &camera.orbited(picture.turn))?;
+            let image = self.image(&mut scene, &self.viewpoint.turned(&camera, &outline, picture.turn))?;
             self.report.detail(format_args!("render: {}", seconds(rendering.elapsed().as_secs_f64())));
             let options = ImageOptions {
                 bits: if self.args.picture.bits == "16" { 16 } else { 8 },
@@ -269,18 +278,19 @@ impl<'a> Job<'a> {
         (radii, text)
     }
 
-    fn camera(&self, spheres: Spheres) -> (Camera, String) {
+    fn camera(&self, spheres: Spheres) -> (Camera, Outline, String) {
         let outliers = if self.args.camera.frame_all { Outliers::Shown } else { Outliers::Left };
-        let Framing { bounds, description, warning } = automatic::framing_of(spheres, outliers);
+        let framing = automatic::framing_of(spheres, outliers);
+        let outline = Outline::of(spheres, &framing);
         let aspect = f64::from(self.settings.width) / f64::from(self.settings.height);
-        let camera = self.viewpoint.camera(&bounds, spheres.particles.positions().origin(), aspect);
+        let camera = self.viewpoint.camera(&outline, aspect);
         if self.viewpoint.eye.is_some() {
-            return (camera, "camera given".into());
+            return (camera, outline, "camera given".into());
         }
-        if let Some(warning) = warning {
+        if let Some(warning) = framing.warning {
             self.report.warn(&warning);
         }
-        (camera, description)
+        (camera, outline, framing.description)
     }
 
     fn colors(&self, particles: &Particles, kept: Option<&Kept>) -> Outcome<ParticleColors> {

@@ -107,6 +107,8 @@ pub struct Framing {
     pub description: String,
     /// What the picture may leave out, in one line.
     pub warning: Option<String>,
+    /// Whether it is the simulation's cell, which stays in view whatever is in it.
+    pub of_cell: bool,
 }
 
 /// The box to show: the simulation's cell if the particles fill it, else that of the particles without far outliers.
@@ -118,6 +120,7 @@ pub fn framing(particles: &Particles) -> Framing {
         bounds,
         description: format!("framed on {text}"),
         warning: None,
+        of_cell: false,
     };
     if full.is_empty() {
         return framed(full, "nothing: there are no particles");
@@ -126,7 +129,7 @@ pub fn framing(particles: &Particles) -> Framing {
     if let Some(cell) = particles.cell() {
         let cell = cell_bounds(cell, particles);
         if fills(middle, cell) {
-            return framed(cell, "the cell");
+            return Framing { of_cell: true, ..framed(cell, "the cell") };
         }
     }
     let size = middle.extent().max_element();
@@ -167,6 +170,7 @@ pub fn framing_of(spheres: Spheres, outliers: Outliers) -> Framing {
             bounds: around_all(),
             description: "framed on all particles".into(),
             warning: None,
+            of_cell: false,
         };
     }
     if framing.bounds == particles.bounds() {

@@ -89,12 +89,6 @@ impl Camera {
         Self { eye: look_at - back * forward, look_at, up, projection }
     }
 
-    /// Turned by `angle` radians around the axis through what it looks at, along its up direction.
-    pub fn orbited(&self, angle: f64) -> Self {
-        let turn = glam::DQuat::from_axis_angle(self.up.normalize(), angle);
-        Self { eye: self.look_at + turn * (self.eye - self.look_at), ..*self }
-    }
-
     /// The camera as kernels need it, for particles measured from `origin` and a picture of `width` x `height` pixels.
     /// Fails with [`Error::Setting`] if the camera has no direction or no extent.
     pub fn view(&self, origin: DVec3, width: u32, height: u32) -> Result<View> {

@@ -11,6 +11,7 @@ pub mod element;
 mod kinds;
 pub mod light;
 mod names;
+pub mod outline;
 pub mod quantity;
 mod rgb;
 mod spacing;

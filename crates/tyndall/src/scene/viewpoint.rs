@@ -4,13 +4,13 @@
 
 use std::str::FromStr;
 
-use glam::{DVec3, Vec3};
+use glam::{DQuat, DVec3};
 use rayon::prelude::*;
 
-use super::camera::{Camera, Projection, View, corners, usable_up};
+use super::camera::{Camera, Projection, View, usable_up};
+use super::outline::Outline;
 use super::statistics::{grouped, sampled_ids, short};
 use crate::error::{Error, Result};
-use crate::math::Bounds;
 use crate::structure::Spheres;
 
 /// Where the camera looks if nobody says so: from the front right, and from above.
@@ -84,22 +84,30 @@ pub struct Viewpoint {
     pub side: Side,
     /// How rays leave it.
     pub lens: Lens,
+    /// Whether it will move.
+    pub motion: Motion,
 }
 
 impl Viewpoint {
-    /// The camera that shows `bounds` (measured from `origin`) in a picture of that `aspect`, width over height.
-    pub fn camera(&self, bounds: &Bounds, origin: DVec3, aspect: f64) -> Camera {
-        // Nothing to show has a camera too, so that it can be said why there is nothing.
-        let shown = if bounds.is_empty() { Bounds { min: Vec3::NEG_ONE, max: Vec3::ONE } } else { *bounds };
-        let (corners, center) = (corners(&shown, origin), origin + shown.center().as_dvec3());
-        let target = self.look_at.unwrap_or(center);
+    /// The camera that shows `outline` in a picture of that `aspect`, width over height.
+    pub fn camera(&self, outline: &Outline, aspect: f64) -> Camera {
+        let all_around;
+        let outline = match self.motion {
+            Motion::Still => outline,
+            Motion::Orbit => {
+                all_around = outline.turned_all_around(self.up.unwrap_or(self.side.up));
+                &all_around
+            }
+        };
+        let Outline { center, points } = outline;
+        let target = self.look_at.unwrap_or(*center);
         let direction = self.eye.map_or(self.side.direction, |eye| target - eye);
         let up = self.up.unwrap_or_else(|| usable_up(direction.normalize_or(DVec3::Y), self.side.up));
         let angle = match self.lens {
             Lens::Perspective { vertical_angle } => Some(vertical_angle),
             Lens::Orthographic { .. } => None,
         };
-        let mut camera = Camera::framing(center, &corners, direction, up, aspect, angle);
+        let mut camera = Camera::framing(*center, points, direction, up, aspect, angle);
         match self.eye {
             Some(eye) => (camera.eye, camera.look_at) = (eye, target),
             None if self.look_at.is_some() => {
@@ -114,6 +122,26 @@ impl Viewpoint {
         }
         camera
     }
+
+    /// `camera`, as [`Self::camera`] gave it, turned by `angle` radians: around what it was told to look at, else around the
+    /// middle of the outline, which it may not look at exactly.
+    pub fn turned(&self, camera: &Camera, outline: &Outline, angle: f64) -> Camera {
+        let told = self.eye.is_some() || self.look_at.is_some();
+        let pivot = if told { camera.look_at } else { outline.center };
+        let turn = DQuat::from_axis_angle(camera.up.normalize_or(DVec3::Z), angle);
+        let around = |place: DVec3| pivot + turn * (place - pivot);
+        Camera { eye: around(camera.eye), look_at: around(camera.look_at), ..*camera }
+    }
+}
+
+/// Whether the camera will move.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Motion {
+    /// It stays.
+    #[default]
+    Still,
+    /// It goes around: everything stays in view all the way.
+    Orbit,
 }
 
 /// Why a picture of these particles shows none of them, in one line.
@@ -190,12 +218,15 @@ fn size_in_view(spheres: Spheres, view: &View, id: usize) -> Option<f64> {
 
 #[cfg(test)]
 mod tests {
+    use super::super::camera::corners;
     use super::*;
+    use crate::math::Bounds;
     use crate::particles::{Attribute, Columns, Particles, Radii, Values};
+    use glam::Vec3;
 
     fn viewpoint() -> Viewpoint {
         let lens = Lens::Perspective { vertical_angle: 0.6 };
-        Viewpoint { eye: None, look_at: None, up: None, side: Side::default(), lens }
+        Viewpoint { eye: None, look_at: None, up: None, side: Side::default(), lens, motion: Motion::Still }
     }
 
     const BOX: Bounds = Bounds { min: Vec3::splat(-1.0), max: Vec3::splat(1.0) };
@@ -204,10 +235,10 @@ mod tests {
     fn what_is_said_is_kept() {
         let (eye, look_at) = (DVec3::new(9.0, 8.0, 7.0), DVec3::new(1.0, 2.0, 3.0));
         let said = Viewpoint { eye: Some(eye), look_at: Some(look_at), up: Some(DVec3::Y), ..viewpoint() };
-        let camera = said.camera(&BOX, DVec3::ZERO, 1.5);
+        let camera = said.camera(&Outline::of_box(&BOX, DVec3::ZERO), 1.5);
         assert_eq!((camera.eye, camera.look_at, camera.up), (eye, look_at, DVec3::Y));
         let lens = Lens::Orthographic { height: Some(2.5) };
-        let camera = Viewpoint { lens, ..viewpoint() }.camera(&BOX, DVec3::ZERO, 1.5);
+        let camera = Viewpoint { lens, ..viewpoint() }.camera(&Outline::of_box(&BOX, DVec3::ZERO), 1.5);
         assert_eq!(camera.projection, Projection::Orthographic { height: 2.5 });
     }
 
@@ -217,7 +248,7 @@ mod tests {
         for side in ["x", "-x", "y", "-y", "z", "-z", "iso"] {
             for lens in [viewpoint().lens, Lens::Orthographic { height: None }] {
                 let side: Side = side.parse().unwrap();
-                let camera = Viewpoint { side, lens, ..viewpoint() }.camera(&BOX, far, 1.5);
+                let camera = Viewpoint { side, lens, ..viewpoint() }.camera(&Outline::of_box(&BOX, far), 1.5);
                 assert!(camera.look_at.distance(far) < 0.3 * BOX.extent().length() as f64);
                 assert!(
                     (camera.look_at - camera.eye).normalize().abs_diff_eq(side.direction.normalize(), 1e-9)
@@ -230,10 +261,30 @@ mod tests {
                 }
             }
         }
-        let above = Viewpoint { eye: Some(DVec3::Z * 9.0), ..viewpoint() }.camera(&BOX, DVec3::ZERO, 1.0);
+        let above = Viewpoint { eye: Some(DVec3::Z * 9.0), ..viewpoint() }
+            .camera(&Outline::of_box(&BOX, DVec3::ZERO), 1.0);
         assert!(above.view(DVec3::ZERO, 4, 4).is_ok(), "up is found when looking down");
-        let empty = viewpoint().camera(&Bounds::EMPTY, DVec3::ZERO, 1.0);
+        let empty = viewpoint().camera(&Outline::of_box(&Bounds::EMPTY, DVec3::ZERO), 1.0);
         assert!(empty.view(DVec3::ZERO, 4, 4).is_ok());
+    }
+
+    #[test]
+    fn an_orbit_keeps_everything_in_view() {
+        let outline = Outline::of_box(&BOX, DVec3::ONE);
+        for lens in [viewpoint().lens, Lens::Orthographic { height: None }] {
+            let viewpoint = Viewpoint { motion: Motion::Orbit, lens, ..viewpoint() };
+            let camera = viewpoint.camera(&outline, 1.3);
+            for turn in 0..100 {
+                let view =
+                    viewpoint.turned(&camera, &outline, 0.1 * turn as f64).view(DVec3::ZERO, 13, 10).unwrap();
+                for point in &outline.points {
+                    let offset = point.as_vec3() - view.eye;
+                    let scale = if view.perspective { offset.dot(view.forward) } else { 1.0 };
+                    assert!(offset.dot(view.up).abs() < view.top * scale, "{lens:?} {turn}");
+                    assert!(offset.dot(view.right).abs() < -view.left * scale, "{lens:?} {turn}");
+                }
+            }
+        }
     }
 
     #[test]
@@ -245,7 +296,7 @@ mod tests {
             let radii = Radii::Uniform(radius);
             let spheres = Spheres { particles: &particles, radii: &radii, radius_scale: 1.0 };
             let camera = Viewpoint { eye: Some(eye), look_at: Some(DVec3::X * 5.0), ..viewpoint() };
-            let camera = camera.camera(&BOX, DVec3::ZERO, 1.0);
+            let camera = camera.camera(&Outline::of_box(&BOX, DVec3::ZERO), 1.0);
             why_unseen(spheres, &camera.view(particles.positions().origin(), 10, 10).unwrap())
         };
         let past = why(DVec3::X * 4.0, 0.1);
@@ -261,8 +312,10 @@ mod tests {
         let values = Values::F32(vec![2e-6, 1e-6, 0.5]);
         columns.attributes.push(Attribute::new("radius", 1, values));
         let particles = Particles::new(columns).unwrap();
-        let view =
-            viewpoint().camera(&BOX, DVec3::ZERO, 1.0).view(particles.positions().origin(), 10, 10).unwrap();
+        let view = viewpoint()
+            .camera(&Outline::of_box(&BOX, DVec3::ZERO), 1.0)
+            .view(particles.positions().origin(), 10, 10)
+            .unwrap();
         let told =
             |radii: &Radii| too_small(Spheres { particles: &particles, radii, radius_scale: 1.0 }, &view);
         let spread = told(particles.radii().unwrap()).unwrap();
