@@ -80,6 +80,11 @@ impl<S: Simd> Lanes3<f32x16<S>> {
     }
 
     #[inline(always)]
+    pub(crate) fn to_arrays(self) -> [[f32; 16]; 3] {
+        [self.x.to_array(), self.y.to_array(), self.z.to_array()]
+    }
+
+    #[inline(always)]
     pub(crate) fn store(self, columns: &mut [[f32; 16]; 3]) {
         self.x.store_array(&mut columns[0]);
         self.y.store_array(&mut columns[1]);

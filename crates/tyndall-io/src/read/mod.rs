@@ -1,7 +1,7 @@
 //! The readers, one file a format, behind one recognition by content.
 //!
 //! A file's first bytes, unpacked if it is compressed, decide its format; its name only breaks ties between tables. Text
-//! formats read a [`Feed`] frame by frame; the others take the whole content at once.
+//! formats read a `Feed` frame by frame; the others take the whole content at once.
 
 mod bgeo;
 mod column;

@@ -3,12 +3,12 @@
 //! A film tile of 32 x 32 pixels is the unit of work. A pass finds what its rays meet (the tile sample buffer of `tiles` for the
 //! hierarchy, a ray each for other structures), then lights it, sixteen neighboring pixels at a time.
 
+mod lighting;
 mod shadows;
 mod tiles;
 
-use fearless_simd::{Level, Simd, dispatch, f32x16, mask32x16, prelude::*};
+use fearless_simd::{Level, Simd, dispatch, f32x16, prelude::*};
 use fearless_simd_macros::simd;
-use glam::Vec3;
 use rayon::prelude::*;
 
 use super::sampling::{Dimension, point};
@@ -20,7 +20,7 @@ use crate::scene::camera::View;
 use crate::scene::light::Lighting;
 use crate::simd::Lanes3;
 use crate::structure::Structure;
-use shadows::Points;
+use lighting::Surfaces;
 use tiles::{BLOCKS, Beam, EDGE, Entry, RAYS, Tile, block_at};
 
 /// Pixels along the edge of a film tile.
@@ -173,12 +173,19 @@ struct Scratch {
     tile: Box<Tile>,
     stack: Vec<Entry>,
     shadow_stack: Vec<shadows::Entry>,
+    /// What each sample of the film tile's pixels met, where light is traced.
+    surfaces: Vec<Surfaces>,
 }
 
 /// Adds a pass to the film. The only place where threads appear: each takes film tiles until none is left.
 pub(crate) fn for_each_tile(film: &mut Film, pass: &Pass, level: Level, progress: &dyn Progress) {
     let (width, height) = (film.width, film.height);
-    let scratch = || Scratch { tile: Tile::new(), stack: Vec::new(), shadow_stack: Vec::new() };
+    let scratch = || Scratch {
+        tile: Tile::new(),
+        stack: Vec::new(),
+        shadow_stack: Vec::new(),
+        surfaces: pass.lights.iter().map(|_| Surfaces::new()).collect(),
+    };
     film.tiles.par_iter_mut().for_each_init(scratch, |scratch, film_tile| {
         if progress.cancelled() {
             return;
@@ -203,13 +210,14 @@ fn render_film_tile<S: Simd>(simd: S, pass: &Pass, film_tile: &mut FilmTile, scr
                     let area = Area { in_tile: (area_x, area_y), in_film: (x + area_x, y + area_y) };
                     for sample in 0..pass.samples {
                         for quarter in 0..4 {
-                            shade_quarter(simd, pass, &area, sample, quarter, film_tile, scratch);
+                            find_surfaces(simd, pass, &area, sample, quarter, film_tile, scratch);
                         }
                     }
                 }
             }
         }
     }
+    light(simd, pass, film_tile, scratch);
 }
 
 /// 8 x 8 pixels: where they lie in the tile and in the film tile.
@@ -292,9 +300,9 @@ fn set_rays<S: Simd>(simd: S, pass: &Pass, corner: (usize, usize), tile: &mut Ti
     }
 }
 
-/// Lights what one sample of the 4 x 4 pixels of a quarter of the area met, and adds it to the film.
+/// Finds the surfaces that one sample of the 4 x 4 pixels of a quarter of the area met. Without traced light they go to the film.
 #[simd]
-fn shade_quarter<S: Simd>(
+fn find_surfaces<S: Simd>(
     simd: S,
     pass: &Pass,
     area: &Area,
@@ -354,54 +362,72 @@ fn shade_quarter<S: Simd>(
         z: is_clear.select(normal.z, -direction.z),
     };
 
-    // How it is lit.
+    // Without traced light it is done; else it waits for the others that its light can be asked with.
     let zero = f32x16::splat(simd, 0.0);
     let brightness = match &scene.lighting {
         Lighting::Flat => f32x16::splat(simd, 1.0),
         Lighting::Headlight => (-normal.dot(direction)).max(zero),
-        Lighting::Studio(key, sky) => {
-            let light = &pass.lights[sample];
-            let mut points = Points { position: [[0.0; RAYS]; 3], on: node };
-            center.plus(normal.times(f32x16::load_array(simd, radius))).store(&mut points.position);
-            let mut sum = zero;
-            for (toward, radiance) in
-                [(light.key, key_radiance(key)), (light.sky, sky_radiance(sky, light.sky))]
-            {
-                let cosine = normal.dot(Lanes3::splat(simd, toward));
-                let facing = cosine.simd_gt(zero).to_bitmask() as u32 & hits;
-                let lit = match &scene.structure {
-                    Structure::Bvh(bvh) => {
-                        shadows::unoccluded(simd, bvh, toward, &points, facing, &mut scratch.shadow_stack)
-                    }
-                    structure => unoccluded(structure, toward, &points, facing),
-                };
-                let lit = mask32x16::from_bitmask(simd, lit as u64);
-                sum += lit.select(cosine * radiance, zero);
-            }
-            sum
-        }
+        Lighting::Studio(..) => zero,
     };
-
-    // Into the film.
     let brightness = brightness.to_array();
+    let traced = matches!(scene.lighting, Lighting::Studio(..));
+    let position = center.plus(normal.times(f32x16::load_array(simd, radius)));
+    let (position, normal) = (position.to_arrays(), normal.to_arrays());
     for lane in 0..RAYS {
-        if hits >> lane & 1 == 1 {
-            let (x, y) = in_area(lane);
-            let sum = &mut film_tile.sum[(area.in_film.1 + y) * FILM_EDGE + area.in_film.0 + x];
-            for channel in 0..3 {
-                sum[channel] += color[lane][channel] * brightness[lane];
+        if hits >> lane & 1 == 0 {
+            continue;
+        }
+        let (x, y) = in_area(lane);
+        let pixel = (area.in_film.1 + y) * FILM_EDGE + area.in_film.0 + x;
+        if traced {
+            let surfaces = &mut scratch.surfaces[sample];
+            let place = surfaces.count;
+            surfaces.count += 1;
+            for axis in 0..3 {
+                surfaces.position[axis][place] = position[axis][lane];
+                surfaces.normal[axis][place] = normal[axis][lane];
             }
-            sum[3] += 1.0;
+            surfaces.color[place] = color[lane];
+            surfaces.node[place] = node[lane];
+            surfaces.pixel[place] = pixel as u16;
+            surfaces.brightness[place] = 0.0;
+        } else {
+            add(&mut film_tile.sum[pixel], color[lane], brightness[lane]);
         }
     }
 }
 
-/// Which of the points see past every particle: a ray each.
-fn unoccluded(structure: &Structure, toward_light: Vec3, points: &Points, facing: u32) -> u32 {
-    (0..RAYS).filter(|lane| facing >> lane & 1 == 1).fold(0, |lit, lane| {
-        let origin = Vec3::from_array([0, 1, 2].map(|axis| points.position[axis][lane]));
-        let ray = crate::math::Ray { origin, direction: toward_light, t_min: 0.0, t_max: f32::INFINITY };
-        let on = structure.sphere(points.on[lane]).2;
-        lit | u32::from(!structure.occluded(&ray, Some(on))) << lane
-    })
+/// Adds a sample that met something to a pixel's sum.
+#[inline(always)]
+fn add(sum: &mut [f32; 4], color: [f32; 3], brightness: f32) {
+    for channel in 0..3 {
+        sum[channel] += color[channel] * brightness;
+    }
+    sum[3] += 1.0;
+}
+
+/// Lights all that the film tile's samples met, and adds it to the film.
+#[simd]
+fn light<S: Simd>(simd: S, pass: &Pass, film_tile: &mut FilmTile, scratch: &mut Scratch) {
+    let Lighting::Studio(key, sky) = &pass.scene.lighting else {
+        return;
+    };
+    for (surfaces, light) in scratch.surfaces.iter_mut().zip(&pass.lights) {
+        let lights = [(light.key, key_radiance(key)), (light.sky, sky_radiance(sky, light.sky))];
+        for (toward, radiance) in lights {
+            lighting::gather(
+                simd,
+                &pass.scene.structure,
+                toward,
+                radiance,
+                surfaces,
+                &mut scratch.shadow_stack,
+            );
+        }
+        for place in 0..surfaces.count {
+            let sum = &mut film_tile.sum[surfaces.pixel[place] as usize];
+            add(sum, surfaces.color[place], surfaces.brightness[place]);
+        }
+        surfaces.count = 0;
+    }
 }
