@@ -80,9 +80,13 @@ impl<'a> Renderer<'a> {
             4..16 => 4,
             _ => 16,
         };
-        let centered = self.settings.samples == 1;
-        let pass =
-            cpu::Pass::new(self.scene, self.view, self.settings.seed, self.samples_done, count, centered);
+        let added = cpu::Samples {
+            seed: self.settings.seed,
+            first: self.samples_done,
+            count,
+            centered: self.settings.samples == 1,
+        };
+        let pass = cpu::Pass::new(self.scene, self.view, added);
         cpu::for_each_tile(&mut self.film, &pass, self.level, progress);
         self.samples_done += count;
         if progress.cancelled() { Err(Error::Interrupted) } else { Ok(()) }

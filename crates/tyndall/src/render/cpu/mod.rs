@@ -4,30 +4,29 @@
 //! hierarchy, a ray each for other structures), then lights it, sixteen neighboring pixels at a time.
 
 mod lighting;
+mod pass;
 mod shadows;
 mod tiles;
 
 use fearless_simd::{Level, Simd, dispatch, f32x16, prelude::*};
 use fearless_simd_macros::simd;
+use glam::Vec3;
 use rayon::prelude::*;
 
-use super::sampling::{Dimension, point};
-use super::shade::{LightSample, key_radiance, light_sample, sky_radiance};
+use super::shade::{key_radiance, sky_radiance};
 use crate::film::Image;
 use crate::progress::Progress;
 use crate::scene::Scene;
-use crate::scene::camera::View;
 use crate::scene::light::Lighting;
 use crate::simd::Lanes3;
 use crate::structure::Structure;
 use lighting::Surfaces;
+pub(crate) use pass::{Pass, Samples};
 use tiles::{BLOCKS, Beam, EDGE, Entry, RAYS, Tile, block_at};
 
 /// Pixels along the edge of a film tile.
 const FILM_EDGE: usize = 32;
 const FILM_PIXELS: usize = FILM_EDGE * FILM_EDGE;
-/// Pixels along the edge of the pattern in which samples and light directions repeat.
-const PATTERN: usize = 8;
 
 /// The sums of samples of 32 x 32 pixels.
 struct FilmTile {
@@ -104,70 +103,6 @@ impl Film {
     }
 }
 
-/// What all tiles of a pass have in common.
-pub(crate) struct Pass<'a> {
-    scene: &'a Scene<'a>,
-    view: View,
-    /// Samples a pixel: 16, 4 or 1.
-    samples: usize,
-    /// Pixels along the edge of a block of sixteen rays.
-    block_px: usize,
-    /// Where in its pixel each sample lies, by pixel of the pattern.
-    offsets: Vec<[[f32; 2]; RAYS]>,
-    /// The sample nearest the pixel's center and its squared distance from it, by pixel of the pattern.
-    nearest: Vec<(usize, f32)>,
-    /// Light directions by sample, the same for all pixels.
-    lights: Vec<LightSample>,
-}
-
-impl<'a> Pass<'a> {
-    /// Samples `first..first + count` of every pixel; `count` is 16, 4 or 1.
-    pub(crate) fn new(
-        scene: &'a Scene<'a>,
-        view: View,
-        seed: u32,
-        first: u32,
-        count: u32,
-        centered: bool,
-    ) -> Self {
-        let samples = count as usize;
-        let offset = |pixel: usize, sample: usize| {
-            if centered || sample >= samples {
-                [0.5; 2]
-            } else {
-                point(seed, Dimension::Pixel, 1 + pixel as u32, first + sample as u32)
-            }
-        };
-        let offsets: Vec<[[f32; 2]; RAYS]> =
-            (0..PATTERN * PATTERN).map(|pixel| std::array::from_fn(|sample| offset(pixel, sample))).collect();
-        let center_sq = |[x, y]: [f32; 2]| (x - 0.5).powi(2) + (y - 0.5).powi(2);
-        let nearest = |offsets: &[[f32; 2]; RAYS]| {
-            let by_distance = offsets[..samples].iter().map(|&offset| center_sq(offset)).enumerate();
-            by_distance.min_by(|a, b| a.1.total_cmp(&b.1)).expect("a pass has a sample")
-        };
-        let nearest = offsets.iter().map(nearest).collect();
-        let lights = match &scene.lighting {
-            Lighting::Studio(key, _) => {
-                (first..first + count).map(|sample| light_sample(key, seed, sample)).collect()
-            }
-            _ => Vec::new(),
-        };
-        let block_px = match samples {
-            1 => 4,
-            4 => 2,
-            _ => 1,
-        };
-        Self { scene, view, samples, block_px, offsets, nearest, lights }
-    }
-
-    /// Block and lane of a sample of the tile's pixel (x, y).
-    #[inline(always)]
-    fn slot(&self, x: usize, y: usize, sample: usize) -> (usize, usize) {
-        let px = self.block_px;
-        (block_at(x / px, y / px), ((y % px) * px + x % px) * self.samples + sample)
-    }
-}
-
 /// What a thread keeps from tile to tile.
 struct Scratch {
     tile: Box<Tile>,
@@ -199,46 +134,29 @@ pub(crate) fn for_each_tile(film: &mut Film, pass: &Pass, level: Level, progress
 
 #[simd]
 fn render_film_tile<S: Simd>(simd: S, pass: &Pass, film_tile: &mut FilmTile, scratch: &mut Scratch) {
-    let tile_px = EDGE * pass.block_px;
-    for y in (0..FILM_EDGE).step_by(tile_px) {
-        for x in (0..FILM_EDGE).step_by(tile_px) {
-            let corner = (film_tile.x as usize + x, film_tile.y as usize + y);
-            find_hits(simd, pass, corner, scratch);
-            keep_nearest(pass, (x, y), film_tile, &scratch.tile);
-            for area_y in (0..tile_px).step_by(PATTERN) {
-                for area_x in (0..tile_px).step_by(PATTERN) {
-                    let area = Area { in_tile: (area_x, area_y), in_film: (x + area_x, y + area_y) };
-                    for sample in 0..pass.samples {
-                        for quarter in 0..4 {
-                            find_surfaces(simd, pass, &area, sample, quarter, film_tile, scratch);
-                        }
-                    }
-                }
+    for y in (0..FILM_EDGE).step_by(pass.tile_px()) {
+        for x in (0..FILM_EDGE).step_by(pass.tile_px()) {
+            find_hits(simd, pass, (film_tile.x as usize + x, film_tile.y as usize + y), scratch);
+            for block in 0..BLOCKS {
+                let first = (y + block / EDGE * pass.block_px) * FILM_EDGE + x + block % EDGE * pass.block_px;
+                keep_nearest(pass, block, first, film_tile, &scratch.tile);
+                find_surfaces(simd, pass, block, first, film_tile, scratch);
             }
         }
     }
     light(simd, pass, film_tile, scratch);
 }
 
-/// 8 x 8 pixels: where they lie in the tile and in the film tile.
-struct Area {
-    in_tile: (usize, usize),
-    in_film: (usize, usize),
-}
-
-/// Keeps depth and id of the sample nearest each pixel's center; the tile lies at `corner` of the film tile.
-fn keep_nearest(pass: &Pass, corner: (usize, usize), film_tile: &mut FilmTile, tile: &Tile) {
-    for y in 0..EDGE * pass.block_px {
-        for x in 0..EDGE * pass.block_px {
-            let (sample, center_sq) = pass.nearest[y % PATTERN * PATTERN + x % PATTERN];
-            let pixel = (corner.1 + y) * FILM_EDGE + corner.0 + x;
-            if center_sq < film_tile.nearest_sq[pixel] {
-                let (block, lane) = pass.slot(x, y, sample);
-                film_tile.nearest_sq[pixel] = center_sq;
-                film_tile.depth[pixel] = tile.depth[block][lane];
-                if tile.depth[block][lane] < f32::INFINITY {
-                    film_tile.id[pixel] = pass.scene.structure.sphere(tile.node[block][lane]).2;
-                }
+/// Keeps depth and id of the sample nearest the center of each of the block's pixels, the first of which is `first`.
+fn keep_nearest(pass: &Pass, block: usize, first: usize, film_tile: &mut FilmTile, tile: &Tile) {
+    let at = block_at(block % EDGE, block / EDGE);
+    for &(lane, center_sq) in &pass.nearest[block] {
+        let pixel = first + pass.pixel[lane];
+        if center_sq < film_tile.nearest_sq[pixel] {
+            film_tile.nearest_sq[pixel] = center_sq;
+            film_tile.depth[pixel] = tile.depth[at][lane];
+            if tile.depth[at][lane] < f32::INFINITY {
+                film_tile.id[pixel] = pass.scene.structure.sphere(tile.node[at][lane]).2;
             }
         }
     }
@@ -249,7 +167,7 @@ fn keep_nearest(pass: &Pass, corner: (usize, usize), film_tile: &mut FilmTile, t
 fn find_hits<S: Simd>(simd: S, pass: &Pass, corner: (usize, usize), scratch: &mut Scratch) {
     let tile = &mut scratch.tile;
     tile.clear();
-    set_rays(simd, pass, corner, tile);
+    pass.set_rays(simd, corner, tile);
     match &pass.scene.structure {
         Structure::Bvh(bvh) => {
             let beam = Beam::new(&pass.view, corner.0 as f32, corner.1 as f32, pass.block_px as f32);
@@ -268,90 +186,55 @@ fn find_hits<S: Simd>(simd: S, pass: &Pass, corner: (usize, usize), scratch: &mu
     }
 }
 
-/// Sets the tile's rays: [`View::ray`] on lanes.
-#[simd]
-fn set_rays<S: Simd>(simd: S, pass: &Pass, corner: (usize, usize), tile: &mut Tile) {
-    let (px, samples, view) = (pass.block_px, pass.samples, &pass.view);
-    for block_y in 0..EDGE {
-        for block_x in 0..EDGE {
-            let mut x = [0.0; RAYS];
-            let mut y = [0.0; RAYS];
-            for lane in 0..RAYS {
-                let (pixel, sample) = (lane / samples, lane % samples);
-                let (column, row) = (block_x * px + pixel % px, block_y * px + pixel / px);
-                let offset = pass.offsets[row % PATTERN * PATTERN + column % PATTERN][sample];
-                x[lane] = (corner.0 + column) as f32 + offset[0];
-                y[lane] = (corner.1 + row) as f32 + offset[1];
-            }
-            let u = f32x16::load_array(simd, x) * view.pixel + view.left;
-            let v = f32x16::splat(simd, view.top) - f32x16::load_array(simd, y) * view.pixel;
-            let across = Lanes3 {
-                x: u * view.right.x + v * view.up.x,
-                y: u * view.right.y + v * view.up.y,
-                z: u * view.right.z + v * view.up.z,
-            };
-            let base = if view.perspective { view.forward } else { view.eye };
-            let mut varying = Lanes3 { x: across.x + base.x, y: across.y + base.y, z: across.z + base.z };
-            if view.perspective {
-                varying = varying.times(f32x16::splat(simd, 1.0) / varying.dot(varying).sqrt());
-            }
-            varying.store(&mut tile.varying[block_at(block_x, block_y)]);
-        }
-    }
-}
-
-/// Finds the surfaces that one sample of the 4 x 4 pixels of a quarter of the area met. Without traced light they go to the film.
+/// Finds the surfaces that the block's rays met; its first pixel is `first`. Without traced light they go to the film.
 #[simd]
 fn find_surfaces<S: Simd>(
     simd: S,
     pass: &Pass,
-    area: &Area,
-    sample: usize,
-    quarter: usize,
+    block: usize,
+    first: usize,
     film_tile: &mut FilmTile,
     scratch: &mut Scratch,
 ) {
     let scene = pass.scene;
-    let in_area = |lane: usize| (lane % 4 + quarter % 2 * 4, lane / 4 + quarter / 2 * 4);
-
-    // What was met.
-    let mut hits = 0_u32;
-    let mut depth = [0.0; RAYS];
-    let mut varying = [[0.0; RAYS]; 3];
-    let mut center = [[0.0; RAYS]; 3];
-    let mut radius = [0.0; RAYS];
-    let mut color = [[0.0; 3]; RAYS];
-    let mut node = [u32::MAX; RAYS];
-    for lane in 0..RAYS {
-        let (x, y) = in_area(lane);
-        let (block, ray_lane) = pass.slot(area.in_tile.0 + x, area.in_tile.1 + y, sample);
-        depth[lane] = scratch.tile.depth[block][ray_lane];
-        if depth[lane] == f32::INFINITY {
-            continue;
-        }
-        hits |= 1 << lane;
-        node[lane] = scratch.tile.node[block][ray_lane];
-        let (at, size, id) = scene.structure.sphere(node[lane]);
-        color[lane] = scene.colors.color(id as usize);
-        radius[lane] = size;
-        for axis in 0..3 {
-            center[axis][lane] = at[axis];
-            varying[axis][lane] = scratch.tile.varying[block][axis][ray_lane];
-        }
-    }
+    let at = block_at(block % EDGE, block / EDGE);
+    let depth = f32x16::load_array_ref(simd, &scratch.tile.depth[at]);
+    let hits = depth.simd_lt(f32x16::splat(simd, f32::INFINITY)).to_bitmask() as u32;
     if hits == 0 {
         return;
     }
 
+    // What was met. Neighboring rays often meet the same particle.
+    let node = scratch.tile.node[at];
+    let mut center = [[0.0; RAYS]; 3];
+    let mut radius = [0.0; RAYS];
+    let mut color = [[0.0; 3]; RAYS];
+    let mut last = None;
+    let mut sphere = (Vec3::ZERO, 0.0, 0);
+    let mut paint = [0.0; 3];
+    for lane in 0..RAYS {
+        if hits >> lane & 1 == 0 {
+            continue;
+        }
+        if last != Some(node[lane]) {
+            sphere = scene.structure.sphere(node[lane]);
+            paint = scene.colors.color(sphere.2 as usize);
+            last = Some(node[lane]);
+        }
+        (center[0][lane], center[1][lane], center[2][lane]) = sphere.0.into();
+        radius[lane] = sphere.1;
+        color[lane] = paint;
+    }
+
     // Its normal, and its place on the sphere.
-    let varying = Lanes3::load(simd, &varying);
+    let varying = Lanes3::load(simd, &scratch.tile.varying[at]);
     let (origin, direction) = if pass.view.perspective {
         (Lanes3::splat(simd, pass.view.eye), varying)
     } else {
         (varying, Lanes3::splat(simd, pass.view.forward))
     };
     let center = Lanes3::load(simd, &center);
-    let outward = origin.plus(direction.times(f32x16::load_array(simd, depth))).minus(center);
+    let outward = origin.plus(direction.times(depth)).minus(center);
     // A sphere so small that rounding leaves no direction faces the eye.
     let length_sq = outward.dot(outward);
     let is_clear = length_sq.simd_gt(f32x16::splat(simd, f32::MIN_POSITIVE));
@@ -377,10 +260,9 @@ fn find_surfaces<S: Simd>(
         if hits >> lane & 1 == 0 {
             continue;
         }
-        let (x, y) = in_area(lane);
-        let pixel = (area.in_film.1 + y) * FILM_EDGE + area.in_film.0 + x;
+        let pixel = first + pass.pixel[lane];
         if traced {
-            let surfaces = &mut scratch.surfaces[sample];
+            let surfaces = &mut scratch.surfaces[pass.sample[lane]];
             let place = surfaces.count;
             surfaces.count += 1;
             for axis in 0..3 {

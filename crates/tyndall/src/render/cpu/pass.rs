@@ -1,0 +1,121 @@
+//! What all tiles of a pass have in common: where its rays go, which sample of which pixel each is, and where its light is.
+//!
+//! Samples and light directions repeat from tile to tile, so that all of it is worked out once a pass.
+
+use fearless_simd::{f32x16, prelude::*};
+use fearless_simd_macros::simd;
+
+use super::FILM_EDGE;
+use super::tiles::{BLOCKS, EDGE, RAYS, Tile, block_at};
+use crate::render::sampling::{Dimension, point};
+use crate::render::shade::{LightSample, light_sample};
+use crate::scene::Scene;
+use crate::scene::camera::View;
+use crate::scene::light::Lighting;
+use crate::simd::Lanes3;
+
+/// Pixels along the edge of the pattern in which samples repeat.
+const PATTERN: usize = 8;
+
+/// Which samples of a picture a pass adds.
+#[derive(Clone, Copy)]
+pub(crate) struct Samples {
+    pub(crate) seed: u32,
+    /// The first one's number.
+    pub(crate) first: u32,
+    /// 16, 4 or 1 a pixel.
+    pub(crate) count: u32,
+    /// Whether they lie in the middle of their pixel.
+    pub(crate) centered: bool,
+}
+
+/// See the module.
+pub(crate) struct Pass<'a> {
+    pub(super) scene: &'a Scene<'a>,
+    pub(super) view: View,
+    pub(super) samples: usize,
+    /// Pixels along the edge of a block of sixteen rays.
+    pub(super) block_px: usize,
+    /// Where the rays pass through the picture, in pixels from the tile's corner, by the block's place in the tile.
+    x: Vec<[f32; RAYS]>,
+    y: Vec<[f32; RAYS]>,
+    /// By lane of a block: which sample it is, and how far its pixel lies in a film tile behind the block's first.
+    pub(super) sample: [usize; RAYS],
+    pub(super) pixel: [usize; RAYS],
+    /// By the block's place: for each of its pixels the lane nearest the pixel's center, and its squared distance from it.
+    pub(super) nearest: Vec<Vec<(usize, f32)>>,
+    /// Light directions by sample, the same for all pixels.
+    pub(super) lights: Vec<LightSample>,
+}
+
+impl<'a> Pass<'a> {
+    /// A pass over `scene` seen by `view`.
+    pub(crate) fn new(scene: &'a Scene<'a>, view: View, added: Samples) -> Self {
+        let samples = added.count as usize;
+        let block_px = match samples {
+            1 => 4,
+            4 => 2,
+            _ => 1,
+        };
+        let (mut x, mut y) = (vec![[0.0; RAYS]; BLOCKS], vec![[0.0; RAYS]; BLOCKS]);
+        let mut nearest = vec![vec![(0, f32::INFINITY); block_px * block_px]; BLOCKS];
+        for block in 0..BLOCKS {
+            for lane in 0..RAYS {
+                let (pixel, sample) = (lane / samples, lane % samples);
+                let column = block % EDGE * block_px + pixel % block_px;
+                let row = block / EDGE * block_px + pixel / block_px;
+                let stream = 1 + row % PATTERN * PATTERN + column % PATTERN;
+                let offset = if added.centered {
+                    [0.5; 2]
+                } else {
+                    point(added.seed, Dimension::Pixel, stream as u32, added.first + sample as u32)
+                };
+                (x[block][lane], y[block][lane]) = (column as f32 + offset[0], row as f32 + offset[1]);
+                let center_sq = (offset[0] - 0.5).powi(2) + (offset[1] - 0.5).powi(2);
+                if center_sq < nearest[block][pixel].1 {
+                    nearest[block][pixel] = (lane, center_sq);
+                }
+            }
+        }
+        let sample = std::array::from_fn(|lane| lane % samples);
+        let pixel = std::array::from_fn(|lane| {
+            let pixel = lane / samples;
+            pixel / block_px * FILM_EDGE + pixel % block_px
+        });
+        let lights = match &scene.lighting {
+            Lighting::Studio(key, _) => (added.first..added.first + added.count)
+                .map(|sample| light_sample(key, added.seed, sample))
+                .collect(),
+            _ => Vec::new(),
+        };
+        Self { scene, view, samples, block_px, x, y, sample, pixel, nearest, lights }
+    }
+
+    /// Pixels along the edge of a tile.
+    pub(super) fn tile_px(&self) -> usize {
+        EDGE * self.block_px
+    }
+
+    /// Sets the rays of the tile whose upper left corner is pixel `corner`: [`View::ray`] on lanes.
+    #[simd]
+    pub(super) fn set_rays<S: Simd>(&self, simd: S, corner: (usize, usize), tile: &mut Tile) {
+        let view = &self.view;
+        for block in 0..BLOCKS {
+            let x = f32x16::load_array_ref(simd, &self.x[block]) + corner.0 as f32;
+            let y = f32x16::load_array_ref(simd, &self.y[block]) + corner.1 as f32;
+            let u = x * view.pixel + view.left;
+            let v = f32x16::splat(simd, view.top) - y * view.pixel;
+            let across = Lanes3 {
+                x: u * view.right.x + v * view.up.x,
+                y: u * view.right.y + v * view.up.y,
+                z: u * view.right.z + v * view.up.z,
+            };
+            let base = if view.perspective { view.forward } else { view.eye };
+            let mut varying = across.plus(Lanes3::splat(simd, base));
+            if view.perspective {
+                varying = varying.times(f32x16::splat(simd, 1.0) / varying.dot(varying).sqrt());
+            }
+            varying.store(&mut tile.varying[block_at(block % EDGE, block / EDGE)]);
+        }
+    }
+}
