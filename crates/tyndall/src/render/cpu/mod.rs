@@ -8,7 +8,7 @@ mod pass;
 mod shadows;
 mod tiles;
 
-use fearless_simd::{Level, Simd, dispatch, f32x16, prelude::*};
+use fearless_simd::{Level, Simd, dispatch, f32x16, mask32x16, prelude::*};
 use fearless_simd_macros::simd;
 use glam::Vec3;
 use rayon::prelude::*;
@@ -72,33 +72,43 @@ impl Film {
 
     /// The mean of `samples` samples a pixel, over the scene's background.
     pub(crate) fn image(&self, scene: &Scene, samples: u32) -> Image {
-        let pixels = self.width as usize * self.height as usize;
+        let width = self.width as usize;
+        let pixels = width * self.height as usize;
         let mut color = vec![[0.0; 4]; pixels];
         let mut depth = vec![f32::INFINITY; pixels];
         let mut id = vec![-1; pixels];
         let inv_samples = 1.0 / samples.max(1) as f32;
-        for tile in &self.tiles {
-            for pixel in 0..FILM_PIXELS {
-                let x = tile.x as usize + pixel % FILM_EDGE;
-                let y = tile.y as usize + pixel / FILM_EDGE;
-                if x >= self.width as usize || y >= self.height as usize {
-                    continue;
+        let mean = |sum: [f32; 4]| {
+            let [r, g, b, count] = sum.map(|sum| sum * inv_samples);
+            match scene.background {
+                Some(back) => {
+                    let open = 1.0 - count;
+                    [r + open * back[0], g + open * back[1], b + open * back[2], 1.0]
                 }
-                let at = y * self.width as usize + x;
-                let [r, g, b, count] = tile.sum[pixel].map(|sum| sum * inv_samples);
-                color[at] = match scene.background {
-                    Some(back) => {
-                        let open = 1.0 - count;
-                        [r + open * back[0], g + open * back[1], b + open * back[2], 1.0]
+                None => [r, g, b, count],
+            }
+        };
+        let mut rows: Vec<Vec<&FilmTile>> = vec![Vec::new(); self.height.div_ceil(FILM_EDGE as u32) as usize];
+        for tile in &self.tiles {
+            rows[tile.y as usize / FILM_EDGE].push(tile);
+        }
+        let stretch = FILM_EDGE * width;
+        let columns =
+            (color.par_chunks_mut(stretch), depth.par_chunks_mut(stretch), id.par_chunks_mut(stretch));
+        columns.into_par_iter().zip(rows).for_each(|((color, depth, id), tiles)| {
+            for tile in tiles {
+                let columns = FILM_EDGE.min(width - tile.x as usize);
+                for (row, pixels) in (0..color.len() / width).zip((0..).step_by(FILM_EDGE)) {
+                    for (at, pixel) in (row * width + tile.x as usize..).zip(pixels..pixels + columns) {
+                        color[at] = mean(tile.sum[pixel]);
+                        depth[at] = tile.depth[pixel];
+                        if depth[at] < f32::INFINITY {
+                            id[at] = scene.spheres.particles.place(tile.id[pixel] as usize) as i64;
+                        }
                     }
-                    None => [r, g, b, count],
-                };
-                depth[at] = tile.depth[pixel];
-                if depth[at] < f32::INFINITY {
-                    id[at] = scene.spheres.particles.place(tile.id[pixel] as usize) as i64;
                 }
             }
-        }
+        });
         Image { width: self.width, height: self.height, color, depth, id }
     }
 }
@@ -140,7 +150,15 @@ fn render_film_tile<S: Simd>(simd: S, pass: &Pass, film_tile: &mut FilmTile, scr
             for block in 0..BLOCKS {
                 let first = (y + block / EDGE * pass.block_px) * FILM_EDGE + x + block % EDGE * pass.block_px;
                 keep_nearest(pass, block, first, film_tile, &scratch.tile);
-                find_surfaces(simd, pass, block, first, film_tile, scratch);
+                let at = block_at(block % EDGE, block / EDGE);
+                if let Some(met) = look_up(simd, pass, at, &scratch.tile) {
+                    match &pass.scene.lighting {
+                        Lighting::Studio(..) => {
+                            keep(pass, &met, &scratch.tile.node[at], first, &mut scratch.surfaces);
+                        }
+                        _ => draw(simd, pass, &met, first, film_tile),
+                    }
+                }
             }
         }
     }
@@ -186,48 +204,50 @@ fn find_hits<S: Simd>(simd: S, pass: &Pass, corner: (usize, usize), scratch: &mu
     }
 }
 
-/// Finds the surfaces that the block's rays met; its first pixel is `first`. Without traced light they go to the film.
+/// What the sixteen rays of a block met, where they met anything.
+struct Met<S: Simd> {
+    hits: mask32x16<S>,
+    position: Lanes3<f32x16<S>>,
+    normal: Lanes3<f32x16<S>>,
+    /// The cosine between the normal and the way back to the eye.
+    cosine: f32x16<S>,
+    color: [[f32; RAYS]; 3],
+}
+
+/// Looks up what the rays of the block stored at `at` met; none if they met nothing.
 #[simd]
-fn find_surfaces<S: Simd>(
-    simd: S,
-    pass: &Pass,
-    block: usize,
-    first: usize,
-    film_tile: &mut FilmTile,
-    scratch: &mut Scratch,
-) {
+fn look_up<S: Simd>(simd: S, pass: &Pass, at: usize, tile: &Tile) -> Option<Met<S>> {
     let scene = pass.scene;
-    let at = block_at(block % EDGE, block / EDGE);
-    let depth = f32x16::load_array_ref(simd, &scratch.tile.depth[at]);
-    let hits = depth.simd_lt(f32x16::splat(simd, f32::INFINITY)).to_bitmask() as u32;
-    if hits == 0 {
-        return;
+    let depth = f32x16::load_array_ref(simd, &tile.depth[at]);
+    let hits = depth.simd_lt(f32x16::splat(simd, f32::INFINITY));
+    let bits = hits.to_bitmask();
+    if bits == 0 {
+        return None;
     }
 
-    // What was met. Neighboring rays often meet the same particle.
-    let node = scratch.tile.node[at];
+    // Neighboring rays often meet the same particle.
     let mut center = [[0.0; RAYS]; 3];
     let mut radius = [0.0; RAYS];
-    let mut color = [[0.0; 3]; RAYS];
+    let mut color = [[0.0; RAYS]; 3];
     let mut last = None;
     let mut sphere = (Vec3::ZERO, 0.0, 0);
     let mut paint = [0.0; 3];
     for lane in 0..RAYS {
-        if hits >> lane & 1 == 0 {
+        if bits >> lane & 1 == 0 {
             continue;
         }
-        if last != Some(node[lane]) {
-            sphere = scene.structure.sphere(node[lane]);
+        let node = tile.node[at][lane];
+        if last != Some(node) {
+            sphere = scene.structure.sphere(node);
             paint = scene.colors.color(sphere.2 as usize);
-            last = Some(node[lane]);
+            last = Some(node);
         }
         (center[0][lane], center[1][lane], center[2][lane]) = sphere.0.into();
         radius[lane] = sphere.1;
-        color[lane] = paint;
+        (color[0][lane], color[1][lane], color[2][lane]) = paint.into();
     }
 
-    // Its normal, and its place on the sphere.
-    let varying = Lanes3::load(simd, &scratch.tile.varying[at]);
+    let varying = Lanes3::load(simd, &tile.varying[at]);
     let (origin, direction) = if pass.view.perspective {
         (Lanes3::splat(simd, pass.view.eye), varying)
     } else {
@@ -244,48 +264,59 @@ fn find_surfaces<S: Simd>(
         y: is_clear.select(normal.y, -direction.y),
         z: is_clear.select(normal.z, -direction.z),
     };
-
-    // Without traced light it is done; else it waits for the others that its light can be asked with.
-    let zero = f32x16::splat(simd, 0.0);
-    let brightness = match &scene.lighting {
-        Lighting::Flat => f32x16::splat(simd, 1.0),
-        Lighting::Headlight => (-normal.dot(direction)).max(zero),
-        Lighting::Studio(..) => zero,
-    };
-    let brightness = brightness.to_array();
-    let traced = matches!(scene.lighting, Lighting::Studio(..));
     let position = center.plus(normal.times(f32x16::load_array(simd, radius)));
-    let (position, normal) = (position.to_arrays(), normal.to_arrays());
-    for lane in 0..RAYS {
-        if hits >> lane & 1 == 0 {
-            continue;
-        }
-        let pixel = first + pass.pixel[lane];
-        if traced {
-            let surfaces = &mut scratch.surfaces[pass.sample[lane]];
-            let place = surfaces.count;
-            surfaces.count += 1;
-            for axis in 0..3 {
-                surfaces.position[axis][place] = position[axis][lane];
-                surfaces.normal[axis][place] = normal[axis][lane];
-            }
-            surfaces.color[place] = color[lane];
-            surfaces.node[place] = node[lane];
-            surfaces.pixel[place] = pixel as u16;
-            surfaces.brightness[place] = 0.0;
+    Some(Met { hits, position, normal, cosine: -normal.dot(direction), color })
+}
+
+/// Adds what a block's rays met to the film, by the cosine to the eye or flat; the block's first pixel is `first`.
+#[simd]
+fn draw<S: Simd>(simd: S, pass: &Pass, met: &Met<S>, first: usize, film_tile: &mut FilmTile) {
+    let zero = f32x16::splat(simd, 0.0);
+    let brightness = match &pass.scene.lighting {
+        Lighting::Headlight => met.cosine.max(zero),
+        _ => f32x16::splat(simd, 1.0),
+    };
+    let brightness = met.hits.select(brightness, zero);
+    let mut lights = [zero; 4];
+    for (light, color) in lights.iter_mut().zip(&met.color) {
+        *light = f32x16::load_array_ref(simd, color) * brightness;
+    }
+    lights[3] = met.hits.select(f32x16::splat(simd, 1.0), zero);
+    for (channel, light) in lights.into_iter().enumerate() {
+        if pass.samples == RAYS {
+            // All are samples of one pixel: summed by halves, in the same order for every width of SIMD.
+            let (low, high) = light.split();
+            let (low, high) = (low + high).split();
+            let [a, b, c, d] = (low + high).to_array();
+            film_tile.sum[first][channel] += (a + b) + (c + d);
         } else {
-            add(&mut film_tile.sum[pixel], color[lane], brightness[lane]);
+            for (lane, light) in light.to_array().into_iter().enumerate() {
+                film_tile.sum[first + pass.pixel[lane]][channel] += light;
+            }
         }
     }
 }
 
-/// Adds a sample that met something to a pixel's sum.
-#[inline(always)]
-fn add(sum: &mut [f32; 4], color: [f32; 3], brightness: f32) {
-    for channel in 0..3 {
-        sum[channel] += color[channel] * brightness;
+/// Keeps what a block's rays met until its light can be asked for with that of others.
+fn keep<S: Simd>(pass: &Pass, met: &Met<S>, node: &[u32; RAYS], first: usize, surfaces: &mut [Surfaces]) {
+    let (position, normal) = (met.position.to_arrays(), met.normal.to_arrays());
+    let bits = met.hits.to_bitmask();
+    for lane in 0..RAYS {
+        if bits >> lane & 1 == 0 {
+            continue;
+        }
+        let surfaces = &mut surfaces[pass.sample[lane]];
+        let place = surfaces.count;
+        surfaces.count += 1;
+        for axis in 0..3 {
+            surfaces.position[axis][place] = position[axis][lane];
+            surfaces.normal[axis][place] = normal[axis][lane];
+            surfaces.color[place][axis] = met.color[axis][lane];
+        }
+        surfaces.node[place] = node[lane];
+        surfaces.pixel[place] = (first + pass.pixel[lane]) as u16;
+        surfaces.brightness[place] = 0.0;
     }
-    sum[3] += 1.0;
 }
 
 /// Lights all that the film tile's samples met, and adds it to the film.
@@ -308,7 +339,10 @@ fn light<S: Simd>(simd: S, pass: &Pass, film_tile: &mut FilmTile, scratch: &mut 
         }
         for place in 0..surfaces.count {
             let sum = &mut film_tile.sum[surfaces.pixel[place] as usize];
-            add(sum, surfaces.color[place], surfaces.brightness[place]);
+            for (total, color) in sum.iter_mut().zip(surfaces.color[place]) {
+                *total += color * surfaces.brightness[place];
+            }
+            sum[3] += 1.0;
         }
         surfaces.count = 0;
     }
