@@ -117,7 +117,7 @@ pub(super) fn unoccluded<S: Simd>(
     let span = Span::of(simd, &projected, lit);
 
     stack.clear();
-    stack.push(Entry { along: 0.0, child: 0, lanes: lit });
+    stack.push(Entry { distance: 0.0, child: 0, lanes: lit });
     while let Some(Entry { child, lanes, .. }) = stack.pop() {
         let lanes = lanes & lit;
         if lanes == 0 {
@@ -138,7 +138,8 @@ pub(super) fn unoccluded<S: Simd>(
 /// A subtree that is still to be walked, for the points in the mask `lanes`.
 #[derive(Clone, Copy)]
 pub(super) struct Entry {
-    along: f32,
+    /// From the points to its middle, along the direction.
+    distance: f32,
     child: u32,
     lanes: u32,
 }
@@ -186,10 +187,10 @@ fn push_children<S: Simd>(
             continue;
         }
         // Insertion sort: far before near, so that the nearest is popped first.
-        let entry = Entry { along: z[child], child: node.child(child), lanes };
+        let entry = Entry { distance: z[child].abs(), child: node.child(child), lanes };
         stack.push(entry);
         let mut place = stack.len() - 1;
-        while place > first && stack[place - 1].along < entry.along {
+        while place > first && stack[place - 1].distance < entry.distance {
             stack[place] = stack[place - 1];
             place -= 1;
         }
