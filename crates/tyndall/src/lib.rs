@@ -2,6 +2,35 @@
 //!
 //! The road of the data: [`Particles`] are checked once on entry, a structure is built over them, a scene says how they are
 //! seen, a renderer fills a film, and the result is an [`Image`].
+//!
+//! ```
+//! use tyndall::render::{Settings, render};
+//! use tyndall::scene::light::Lighting;
+//! use tyndall::scene::{Scene, camera::Camera, camera::Projection, color::ParticleColors};
+//! use tyndall::structure::{Kind, Spheres, Structure};
+//! use tyndall::{DVec3, synthetic};
+//!
+//! // Ten thousand particles in the unit cube; `()` listens to no progress.
+//! let particles = synthetic::generate("packed?n=1e4", &())?;
+//! let radii = particles.radii().expect("this source has a radius");
+//! let spheres = Spheres { particles: &particles, radii, radius_scale: 1.0 };
+//! let scene = Scene {
+//!     spheres,
+//!     structure: Structure::build(Kind::Bvh, spheres, &())?,
+//!     colors: ParticleColors::constant([0.6, 0.7, 0.9]),
+//!     lighting: Lighting::Headlight,
+//!     background: Some([1.0; 3]),
+//! };
+//! let camera = Camera {
+//!     eye: DVec3::new(3.0, 2.0, 2.0),
+//!     look_at: DVec3::splat(0.5),
+//!     up: DVec3::Z,
+//!     projection: Projection::Orthographic { height: 1.8 },
+//! };
+//! let image = render(&scene, &camera, &Settings { width: 64, height: 64, samples: 4, seed: 0 }, &())?;
+//! assert!(image.id[64 * 32 + 32] >= 0, "the middle of the picture shows a particle");
+//! # Ok::<(), tyndall::Error>(())
+//! ```
 
 pub mod error;
 pub mod film;

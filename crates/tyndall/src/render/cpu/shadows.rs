@@ -10,7 +10,7 @@ use glam::Vec3;
 use super::tiles::RAYS;
 use crate::math::HIT_ROUNDING;
 use crate::simd::{Ball, Lanes3, Reach, enter_sphere, grown};
-use crate::structure::bvh::{Bvh, LEAF, LEAF_BIT};
+use crate::structure::bvh::{Bvh, LEAF, LEAF_BIT, push_sorted};
 
 /// Points from which light is looked for, by axis, and the nodes of the particles on which they lie, which do not shadow them.
 #[derive(Clone, Copy)]
@@ -186,15 +186,8 @@ fn push_children<S: Simd>(
         if lanes == 0 {
             continue;
         }
-        // Insertion sort: far before near, so that the nearest is popped first.
         let entry = Entry { distance: z[child].abs(), child: node.child(child), lanes };
-        stack.push(entry);
-        let mut place = stack.len() - 1;
-        while place > first && stack[place - 1].distance < entry.distance {
-            stack[place] = stack[place - 1];
-            place -= 1;
-        }
-        stack[place] = entry;
+        push_sorted(stack, first, entry, |entry| entry.distance);
     }
 }
 

@@ -13,7 +13,7 @@ use glam::Vec3;
 use crate::math::{HIT_ROUNDING, Ray};
 use crate::scene::camera::View;
 use crate::simd::{Ball, Lanes3, Reach, enter_sphere, grown};
-use crate::structure::bvh::{Bvh, LEAF, LEAF_BIT, Leaf, Node};
+use crate::structure::bvh::{Bvh, LEAF, LEAF_BIT, Leaf, Node, push_sorted};
 
 /// Blocks along a tile's edge, blocks in a tile, rays in a block.
 pub(super) const EDGE: usize = 8;
@@ -286,14 +286,7 @@ fn push_children<S: Simd>(simd: S, bvh: &Bvh, node: &Node, beam: &Beam, tile: &T
             mask |= (open >> child & 1) << quad;
         }
         let entry = Entry { near: near[child], child: node.child(child), quads: mask as u8 };
-        // Insertion sort: at most eight, far before near.
-        stack.push(entry);
-        let mut place = stack.len() - 1;
-        while place > first && stack[place - 1].near < entry.near {
-            stack[place] = stack[place - 1];
-            place -= 1;
-        }
-        stack[place] = entry;
+        push_sorted(stack, first, entry, |entry| entry.near);
     }
 }
 

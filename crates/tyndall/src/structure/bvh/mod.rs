@@ -98,6 +98,18 @@ impl Node {
     }
 }
 
+/// Pushes `entry` onto the part of the stack from `first` on, so that what is nearest comes off first. For the few children of a node.
+#[inline(always)]
+pub(crate) fn push_sorted<E: Copy>(stack: &mut Vec<E>, first: usize, entry: E, distance: fn(&E) -> f32) {
+    stack.push(entry);
+    let mut place = stack.len() - 1;
+    while place > first && distance(&stack[place - 1]) < distance(&entry) {
+        stack[place] = stack[place - 1];
+        place -= 1;
+    }
+    stack[place] = entry;
+}
+
 /// See the module.
 pub struct Bvh {
     pub(crate) nodes: Vec<Node>,
