@@ -1,6 +1,6 @@
-//! The P-k-d tree: a balanced k-d tree over the particles that needs no memory of its own.
+//! The P-k-d tree: a balanced k-d tree over the particles that has no nodes beside them.
 //!
-//! `build` permutes the particles so that node `n` has children `2n + 1` and `2n + 2`. Invariant: along a node's axis no center
+//! `build` permutes a copy of the particles so that node `n` has children `2n + 1` and `2n + 2`. Invariant: along a node's axis no center
 //! in its left subtree lies above its own, none in its right subtree below. The axis is not stored: it follows from the box that
 //! the cuts above leave to the node (its widest extent), or from the node's depth (round robin). Coordinates keep all their bits.
 //! Regions are grown by the largest radius. Source: Wald, Knoll, Johnson, Usher, Pascucci, Papka 2015, CPU Ray Tracing Large
