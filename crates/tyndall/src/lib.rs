@@ -35,6 +35,7 @@
 pub mod error;
 pub mod film;
 pub mod math;
+pub mod medium;
 pub mod particles;
 pub mod progress;
 pub mod random;

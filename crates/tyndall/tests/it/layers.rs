@@ -7,13 +7,14 @@ use std::path::{Path, PathBuf};
 const GROUND: [&str; 6] = ["error", "math", "progress", "random", "simd", "srgb"];
 
 /// A module and what it may know besides the ground.
-const ARROWS: [(&str, &[&str]); 6] = [
+const ARROWS: [(&str, &[&str]); 7] = [
     ("particles", &[]),
     ("film", &[]),
     ("synthetic", &["particles"]),
     ("structure", &["particles"]),
     ("scene", &["structure", "particles"]),
-    ("render", &["scene", "structure", "particles", "film"]),
+    ("medium", &["particles"]),
+    ("render", &["scene", "medium", "structure", "particles", "film"]),
 ];
 
 fn sources(folder: &Path, found: &mut Vec<PathBuf>) {
