@@ -1,0 +1,216 @@
+//! Dense scalar fields on lattices that the light transport works on, made from the sparse grid or from finer fields.
+//!
+//! A field's lattice goes [`PADDING`] samples beyond the samples of the grid on every side, where there is no medium, so that a
+//! solver finds its boundary conditions there. Coarser fields are sums weighted by tents: they keep the total.
+
+use glam::{UVec3, Vec3};
+use rayon::prelude::*;
+
+use crate::medium::Grid;
+use crate::medium::grid::Lattice;
+
+/// Samples of a field beyond those of the grid, on each side.
+pub(super) const PADDING: u32 = 2;
+
+/// A lattice of `spacing` over the samples of `grid`, with the padding.
+pub(super) fn lattice_over(grid: &Grid, spacing: f32) -> Lattice {
+    let size = grid.size().map(|count| {
+        let edge = (count - 1) as f32 * grid.spacing() / spacing;
+        // A last cell that is there by rounding only would hold nothing.
+        (edge - 1e-3).ceil().max(0.0) as u32 + 1 + 2 * PADDING
+    });
+    Lattice { origin: grid.origin() - PADDING as f32 * spacing, spacing, size }
+}
+
+/// Values at the samples of a lattice, x fastest, then y, then z.
+#[derive(Clone, Debug)]
+pub(super) struct Field {
+    pub(super) lattice: Lattice,
+    pub(super) values: Vec<f32>,
+}
+
+impl Field {
+    /// The density of `grid`, on a lattice made by [`lattice_over`].
+    pub(super) fn density(grid: &Grid, lattice: Lattice) -> Self {
+        let row = |j: u32, k: u32, row: &mut [f32]| {
+            for (i, value) in row.iter_mut().enumerate() {
+                *value = grid.value(i as u32, j, k);
+            }
+        };
+        if lattice.spacing < 0.999 * grid.spacing() {
+            // Tents narrower than the grid's cells would leave gaps.
+            return resample(grid.lattice(), lattice_over(grid, grid.spacing()), row).interpolated(lattice);
+        }
+        resample(grid.lattice(), lattice, row)
+    }
+
+    /// The same total on a coarser (or as fine) lattice over the same samples.
+    pub(super) fn coarsened(&self, lattice: Lattice) -> Self {
+        let [width, height, _] = self.lattice.size.map(|it| it as usize);
+        let row = |j: u32, k: u32, row: &mut [f32]| {
+            let first = (k as usize * height + j as usize) * width;
+            row.copy_from_slice(&self.values[first..first + width]);
+        };
+        resample(self.lattice, lattice, row)
+    }
+
+    /// The values at the samples of another lattice, interpolated.
+    pub(super) fn interpolated(&self, lattice: Lattice) -> Self {
+        let sample = |place: usize| self.value(lattice.position(sample(&lattice, place)));
+        let values = (0..lattice.sample_count() as usize).into_par_iter().map(sample).collect();
+        Self { lattice, values }
+    }
+
+    /// The field at a point: trilinear, clamped to the samples at the border.
+    #[inline]
+    pub(super) fn value(&self, at: Vec3) -> f32 {
+        let (first, steps, fraction) = cell(&self.lattice, at);
+        let v = &self.values[first..];
+        let [x, y, z] = steps;
+        let mix = |a: f32, b: f32, t: f32| a + t * (b - a);
+        let row = |at: usize| mix(v[at], v[at + x], fraction.x);
+        let plane = |at: usize| mix(row(at), row(at + y), fraction.y);
+        mix(plane(0), plane(z), fraction.z)
+    }
+}
+
+/// Sample number `place` of a lattice.
+#[inline(always)]
+pub(super) fn sample(lattice: &Lattice, place: usize) -> [u32; 3] {
+    let [x, y, _] = lattice.size.map(|it| it as usize);
+    [place % x, place / x % y, place / (x * y)].map(|it| it as u32)
+}
+
+/// The cell around a point: the place of its first sample, the steps to the next sample along each axis (0 at the border, where
+/// look-ups clamp), and the point's place in it.
+#[inline(always)]
+pub(super) fn cell(lattice: &Lattice, at: Vec3) -> (usize, [usize; 3], Vec3) {
+    let last = (UVec3::from_array(lattice.size) - UVec3::ONE).as_vec3();
+    let place = ((at - lattice.origin) / lattice.spacing).clamp(Vec3::ZERO, last);
+    // The last sample of an axis is the end of the cell before it, where there is one.
+    let first = place.floor().min((last - 1.0).max(Vec3::ZERO));
+    let [x, y, z] = first.as_uvec3().to_array().map(|it| it as usize);
+    let [width, height, depth] = lattice.size.map(|it| it as usize);
+    let step = |count: usize, step: usize| if count > 1 { step } else { 0 };
+    let steps = [step(width, 1), step(height, width), step(depth, width * height)];
+    ((z * height + y) * width + x, steps, place - first)
+}
+
+/// Weights of tents: which samples of a coarse axis a sample of a fine axis goes to. The first, and the share of the next one.
+struct Tents {
+    first: Vec<usize>,
+    share: Vec<f32>,
+}
+
+impl Tents {
+    fn new(count: u32, from: (f32, f32), to: (f32, f32)) -> Self {
+        let place = |sample: u32| (from.0 + sample as f32 * from.1 - to.0) / to.1;
+        let first = (0..count).map(|sample| place(sample).max(0.0).floor() as usize);
+        let share = (0..count).map(|sample| place(sample).max(0.0).fract());
+        Self { first: first.collect(), share: share.collect() }
+    }
+}
+
+/// Spreads rows of samples `from` one lattice over the samples of the lattice `to`.
+fn resample(from: Lattice, to: Lattice, row: impl Fn(u32, u32, &mut [f32]) + Sync) -> Field {
+    let size = from.size;
+    let axis = |axis: usize| {
+        Tents::new(size[axis], (from.origin[axis], from.spacing), (to.origin[axis], to.spacing))
+    };
+    let (x, y, z) = (axis(0), axis(1), axis(2));
+    let [width, height, _] = to.size.map(|it| it as usize);
+    let scale = (from.spacing / to.spacing).powi(3);
+    let mut values = vec![0.0; to.sample_count() as usize];
+    // Each plane of the result gathers the planes that reach it, so that no two threads write to one place.
+    values.par_chunks_mut(width * height).enumerate().for_each(|(plane, values)| {
+        let mut fine = vec![0.0; size[0] as usize];
+        let mut coarse = vec![0.0; width + 1];
+        for k in 0..size[2] {
+            let weight = match z.first[k as usize] {
+                first if first == plane => 1.0 - z.share[k as usize],
+                first if first + 1 == plane => z.share[k as usize],
+                _ => continue,
+            };
+            if weight == 0.0 {
+                continue;
+            }
+            for j in 0..size[1] {
+                row(j, k, &mut fine);
+                coarse.fill(0.0);
+                for ((&value, &first), &share) in fine.iter().zip(&x.first).zip(&x.share) {
+                    coarse[first] += (1.0 - share) * value;
+                    coarse[first + 1] += share * value;
+                }
+                let (first, share) = (y.first[j as usize], y.share[j as usize]);
+                for (row, share) in [(first, 1.0 - share), (first + 1, share)] {
+                    if share > 0.0 && row < height {
+                        let weight = scale * weight * share;
+                        let row = &mut values[row * width..][..width];
+                        row.iter_mut().zip(&coarse).for_each(|(value, &add)| *value += weight * add);
+                    }
+                }
+            }
+        }
+    });
+    Field { lattice: to, values }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::random::Stream;
+
+    fn random_grid(size: [u32; 3]) -> Grid {
+        let mut stream = Stream::new(11, 0);
+        let values: Vec<f32> = (0..size.iter().product()).map(|_| stream.unit()).collect();
+        Grid::from_dense(Vec3::new(1.0, 2.0, 3.0), 0.5, size, &values).unwrap()
+    }
+
+    #[test]
+    fn a_field_as_fine_as_the_grid_is_the_grid() {
+        let grid = random_grid([7, 5, 9]);
+        let field = Field::density(&grid, lattice_over(&grid, 0.5));
+        assert_eq!(field.lattice.size, [11, 9, 13]);
+        for (i, j, k) in [(0, 0, 0), (6, 4, 8), (3, 2, 5)] {
+            let at = grid.lattice().position([i, j, k]);
+            assert!((field.value(at) - grid.value(i, j, k)).abs() < 1e-6);
+        }
+        assert_eq!(field.value(grid.bounds().min - 1.0), 0.0);
+    }
+
+    #[test]
+    fn coarser_fields_keep_the_total() {
+        let grid = random_grid([23, 18, 31]);
+        let total = |field: &Field| {
+            field.values.iter().map(|&it| f64::from(it)).sum::<f64>()
+                * f64::from(field.lattice.spacing).powi(3)
+        };
+        for spacing in [0.5, 0.8, 1.0, 2.0, 3.7, 100.0] {
+            let lattice = lattice_over(&grid, spacing);
+            let field = Field::density(&grid, lattice);
+            assert!((total(&field) / grid.mass() - 1.0).abs() < 1e-4, "spacing {spacing}");
+            let fine = Field::density(&grid, lattice_over(&grid, 0.5));
+            let coarsened = fine.coarsened(lattice);
+            for (a, b) in coarsened.values.iter().zip(&field.values) {
+                assert!((a - b).abs() < 1e-4, "spacing {spacing}: {a} {b}");
+            }
+        }
+    }
+
+    #[test]
+    fn interpolation_of_a_linear_field_is_exact() {
+        let grid = random_grid([6, 6, 6]);
+        let lattice = lattice_over(&grid, 0.7);
+        let plane = |at: Vec3| 0.3 * at.x - 0.2 * at.y + at.z;
+        let values = (0..lattice.sample_count() as usize).map(|place| plane(lattice.position(sample(&lattice, place))));
+        let field = Field { lattice, values: values.collect() };
+        let mut stream = Stream::new(12, 0);
+        for _ in 0..100 {
+            let at = lattice.bounds().center() + 0.4 * lattice.bounds().extent() * stream.cube();
+            assert!((field.value(at) - plane(at)).abs() < 1e-4);
+        }
+        let finer = field.interpolated(lattice_over(&grid, 0.5));
+        let at = finer.lattice.position([5, 6, 7]);
+        assert!((finer.value(at) - plane(at)).abs() < 1e-4);
+    }
+}

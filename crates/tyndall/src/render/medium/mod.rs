@@ -1,0 +1,5 @@
+//! Light in a medium, on the CPU.
+
+mod field;
+mod harmonics;
+mod sweep;
