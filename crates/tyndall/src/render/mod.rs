@@ -5,6 +5,7 @@
 
 pub mod cpu;
 pub mod estimate;
+pub mod medium;
 mod sampling;
 mod shade;
 
