@@ -47,6 +47,16 @@ impl Bounds {
     pub fn extent(&self) -> Vec3 {
         if self.is_empty() { Vec3::ZERO } else { self.max - self.min }
     }
+
+    /// The distances between which `ray` is inside the box; `None` if it never is within its interval.
+    #[inline(always)]
+    pub fn clip(&self, ray: &Ray) -> Option<[f32; 2]> {
+        let inverse = ray.inv_direction();
+        let (one, other) = ((self.min - ray.origin) * inverse, (self.max - ray.origin) * inverse);
+        let enter = one.min(other).max_element().max(ray.t_min);
+        let leave = one.max(other).min_element().min(ray.t_max);
+        (enter < leave).then_some([enter, leave])
+    }
 }
 
 /// A half-line, with the open interval of distances that counts.

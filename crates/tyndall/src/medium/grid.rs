@@ -19,9 +19,9 @@ pub const BRICK: u32 = 8;
 /// Samples of a brick without its apron.
 pub(super) const CORE_SAMPLES: usize = (BRICK * BRICK * BRICK) as usize;
 /// Samples along an edge of a brick with its apron.
-const EDGE: usize = BRICK as usize + 1;
+pub(crate) const EDGE: usize = BRICK as usize + 1;
 /// Samples of a brick with its apron.
-const STORED: usize = EDGE * EDGE * EDGE;
+pub(crate) const STORED: usize = EDGE * EDGE * EDGE;
 
 /// Where samples lie: (i, j, k) at `origin + spacing * (i, j, k)`.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -313,6 +313,12 @@ impl Grid {
     #[inline(always)]
     pub fn brick_range(&self, brick: [u32; 3]) -> Range {
         self.ranges[self.brick_number(brick)]
+    }
+
+    /// The stored samples of a brick with its apron: [`BRICK`] + 1 along each axis, x fastest.
+    #[inline(always)]
+    pub(crate) fn brick_samples(&self, brick: [u32; 3]) -> &[f32; STORED] {
+        &self.stored[self.places[self.brick_number(brick)] as usize]
     }
 
     /// The box of a brick: together they fill [`Grid::bounds`].

@@ -24,7 +24,9 @@ pub(super) fn thickness(density: &Field, source: Source) -> Field {
     let lattice = density.lattice;
     let bundles: Vec<Bundle> = match source {
         Source::Distant(along) => vec![Bundle::parallel(density, along)],
-        Source::Near(position) => (0..6).filter_map(|face| Bundle::pyramid(density, position, face)).collect(),
+        Source::Near(position) => {
+            (0..6).filter_map(|face| Bundle::pyramid(density, position, face)).collect()
+        }
     };
     let look_up = |at: Vec3| match source {
         Source::Distant(_) => bundles[0].look_up(at),

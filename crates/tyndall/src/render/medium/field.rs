@@ -202,7 +202,8 @@ mod tests {
         let grid = random_grid([6, 6, 6]);
         let lattice = lattice_over(&grid, 0.7);
         let plane = |at: Vec3| 0.3 * at.x - 0.2 * at.y + at.z;
-        let values = (0..lattice.sample_count() as usize).map(|place| plane(lattice.position(sample(&lattice, place))));
+        let values = (0..lattice.sample_count() as usize)
+            .map(|place| plane(lattice.position(sample(&lattice, place))));
         let field = Field { lattice, values: values.collect() };
         let mut stream = Stream::new(12, 0);
         for _ in 0..100 {

@@ -1,5 +1,11 @@
-//! Light in a medium, on the CPU.
+//! Light in a participating medium, on the CPU.
 
+mod columns;
+mod diffuse;
 mod field;
+pub mod free_path;
 mod harmonics;
+pub mod photons;
+pub mod reference;
 mod sweep;
+mod walk;

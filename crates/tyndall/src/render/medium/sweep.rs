@@ -95,9 +95,7 @@ impl Sweeper {
     fn order(&self, axis: usize) -> Order {
         let [x, y, z] = self.lattice.size.map(|it| it as usize);
         match axis {
-            0 => {
-                Order { lanes: y, rows: z, planes: x, row_step: y, plane_step: y * z, axes: [1, 2, 0] }
-            }
+            0 => Order { lanes: y, rows: z, planes: x, row_step: y, plane_step: y * z, axes: [1, 2, 0] },
             1 => Order { lanes: x, rows: z, planes: y, row_step: x * y, plane_step: x, axes: [0, 2, 1] },
             _ => Order { lanes: x, rows: y, planes: z, row_step: x, plane_step: x * y, axes: [0, 1, 2] },
         }
@@ -277,13 +275,7 @@ const MOST: f32 = 4.0;
 
 /// Sixteen values between samples.
 #[inline(always)]
-fn blend<S: Simd>(
-    simd: S,
-    column: &[f32],
-    at: usize,
-    pitch: usize,
-    weights: [f32x16<S>; 4],
-) -> f32x16<S> {
+fn blend<S: Simd>(simd: S, column: &[f32], at: usize, pitch: usize, weights: [f32x16<S>; 4]) -> f32x16<S> {
     let low = &column[at..at + LANES + 1];
     let high = &column[at + pitch..at + pitch + LANES + 1];
     let [a, b] = [f32x16::from_slice(simd, &low[..LANES]), f32x16::from_slice(simd, &low[1..])];

@@ -1,0 +1,208 @@
+//! Photons: from the lights through the medium, stored where they scatter.
+//!
+//! Takes a medium and its lights, gives positions, directions of travel and RGB power. A stored photon's power is what is
+//! scattered there: the sum of `power * phase(cosine)` over the photons of a small ball, over its volume, is the radiance that
+//! the medium adds per unit length. Invariant: emitted power is what leaves plus what is absorbed, to rounding where extinction is
+//! grey and on average where it is not; the same seed gives the same photons in the same order for any number of threads.
+//! Source: H. Jensen, P. Christensen, "Efficient simulation of light transport in scenes with participating media using photon
+//! maps", SIGGRAPH 1998; distances by [`FreePath`].
+
+use glam::{DVec3, Vec3};
+use rayon::prelude::*;
+
+use super::free_path::{FreePath, Tracker};
+use crate::error::{Error, Result};
+use crate::math::Ray;
+use crate::medium::light::Emission;
+use crate::medium::{Light, Medium};
+use crate::progress::Progress;
+use crate::random::Stream;
+
+/// The knobs of photon tracing.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Settings {
+    /// Photons that are emitted, shared out between the lights by their power; 1 to 2^32.
+    pub count: u64,
+    /// Another seed gives other photons.
+    pub seed: u32,
+    /// How the distance to the next interaction is drawn.
+    pub free_path: FreePath,
+    /// Which scatterings are stored.
+    pub stored: Stored,
+}
+
+/// Which scatterings of a photon are stored.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Stored {
+    /// Every one.
+    All,
+    /// Those after the first: single scattering is computed in another way.
+    Multiple,
+}
+
+/// A photon at a scattering.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Photon {
+    /// Where.
+    pub position: Vec3,
+    /// Where it travelled to when it came; unit length.
+    pub direction: Vec3,
+    /// RGB power that is scattered there.
+    pub power: Vec3,
+}
+
+/// What photon tracing gives.
+#[derive(Clone, Debug, Default)]
+pub struct Photons {
+    /// The stored ones, in the order of emission.
+    pub stored: Vec<Photon>,
+    /// How many were emitted.
+    pub emitted: u64,
+    /// Interactions of all of them, stored or not.
+    pub interactions: u64,
+    /// RGB power that was emitted.
+    pub emitted_power: DVec3,
+    /// RGB power that left the medium, scattered or not.
+    pub escaped_power: DVec3,
+    /// RGB power that was absorbed.
+    pub absorbed_power: DVec3,
+}
+
+/// Photons that one thread follows at a time.
+const CHUNK: u64 = 4096;
+
+/// Follows photons of all `lights` through `medium`. Fails with [`Error::Setting`] for an impossible count, and when interrupted.
+pub fn trace(
+    medium: &Medium,
+    lights: &[Light],
+    settings: &Settings,
+    progress: &dyn Progress,
+) -> Result<Photons> {
+    if !(1..=1 << 32).contains(&settings.count) {
+        return Err(Error::setting("photons", settings.count, "1 to 2^32"));
+    }
+    progress.begin("photons", Some(settings.count), "photons");
+    let tracer = Tracer { tracker: Tracker::new(medium), settings };
+    let chunks = tracer.chunks(lights);
+    let traced: Vec<Photons> = chunks
+        .into_par_iter()
+        .map(|chunk| {
+            if progress.cancelled() {
+                return Photons::default();
+            }
+            progress.advance(chunk.end - chunk.first);
+            tracer.chunk(&chunk)
+        })
+        .collect();
+    if progress.cancelled() {
+        return Err(Error::Interrupted);
+    }
+    Ok(Photons::join(traced))
+}
+
+/// Photons of one light.
+struct Chunk<'a> {
+    light: &'a Light,
+    /// Numbers of the photons, of all lights.
+    first: u64,
+    end: u64,
+    /// How many the light emits in all.
+    of: u64,
+}
+
+struct Tracer<'a> {
+    tracker: Tracker<'a>,
+    settings: &'a Settings,
+}
+
+/// How a photon ended.
+enum Fate {
+    Escaped(Vec3),
+    Absorbed,
+}
+
+impl Tracer<'_> {
+    /// The work: every light with power gets its share of the photons, at least one.
+    fn chunks<'a>(&self, lights: &'a [Light]) -> Vec<Chunk<'a>> {
+        let bounds = self.tracker.medium().bounds();
+        let powers: Vec<f64> =
+            lights.iter().map(|light| f64::from(light.power(&bounds).element_sum())).collect();
+        let total: f64 = powers.iter().sum();
+        let mut chunks = Vec::new();
+        let mut first = 0;
+        for (light, power) in lights.iter().zip(powers).filter(|(_, power)| *power > 0.0) {
+            let of = ((self.settings.count as f64 * power / total).round() as u64).max(1);
+            let starts = (first..first + of).step_by(CHUNK as usize);
+            chunks.extend(starts.map(|start| {
+                let end = (start + CHUNK).min(first + of);
+                Chunk { light, first: start, end, of }
+            }));
+            first += of;
+        }
+        chunks
+    }
+
+    fn chunk(&self, chunk: &Chunk) -> Photons {
+        let bounds = self.tracker.medium().bounds();
+        let mut photons = Photons { emitted: chunk.end - chunk.first, ..Photons::default() };
+        for number in chunk.first..chunk.end {
+            let mut stream = Stream::new(u64::from(self.settings.seed), number);
+            let random = std::array::from_fn(|_| stream.unit());
+            let mut emission = chunk.light.emit(&bounds, random);
+            emission.power /= chunk.of as f32;
+            if emission.power != Vec3::ZERO {
+                self.follow(emission, &mut stream, &mut photons);
+            }
+        }
+        photons
+    }
+
+    /// Follows a photon to its end.
+    fn follow(&self, emission: Emission, stream: &mut Stream, photons: &mut Photons) -> Fate {
+        let optics = self.tracker.medium().optics();
+        let albedo = Vec3::from(optics.albedo);
+        let Emission { mut origin, mut direction, mut power } = emission;
+        photons.emitted_power += power.as_dvec3();
+        let mut is_first = true;
+        loop {
+            let ray = Ray { origin, direction, t_min: 0.0, t_max: f32::INFINITY };
+            let Some(distance) = self.tracker.next(self.settings.free_path, &ray, &mut power, stream) else {
+                photons.escaped_power += power.as_dvec3();
+                return Fate::Escaped(direction);
+            };
+            origin += distance * direction;
+            photons.interactions += 1;
+            let scattered = power * albedo;
+            if !is_first || self.settings.stored == Stored::All {
+                photons.stored.push(Photon { position: origin, direction, power: scattered });
+            }
+            is_first = false;
+            // Russian roulette by the share that is left: power stays as it is where the albedo is grey.
+            let survival = scattered.max_element() / power.max_element();
+            if stream.unit() >= survival {
+                photons.absorbed_power += power.as_dvec3();
+                return Fate::Absorbed;
+            }
+            photons.absorbed_power += (power - scattered / survival).as_dvec3();
+            power = scattered / survival;
+            direction = optics.phase.sample(direction, [stream.unit(), stream.unit()]);
+        }
+    }
+}
+
+impl Photons {
+    /// All of the parts, in order.
+    fn join(parts: Vec<Self>) -> Self {
+        let mut joined = Self::default();
+        joined.stored.reserve_exact(parts.iter().map(|part| part.stored.len()).sum());
+        for part in parts {
+            joined.stored.extend_from_slice(&part.stored);
+            joined.emitted += part.emitted;
+            joined.interactions += part.interactions;
+            joined.emitted_power += part.emitted_power;
+            joined.escaped_power += part.escaped_power;
+            joined.absorbed_power += part.absorbed_power;
+        }
+        joined
+    }
+}
