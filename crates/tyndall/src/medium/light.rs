@@ -81,12 +81,22 @@ impl Directional {
     pub fn new(along: Vec3, irradiance: [f32; 3]) -> Result<Self> {
         Ok(Self { along: direction(along)?, irradiance: brightness("irradiance", irradiance)? })
     }
+
+    /// Where it travels.
+    pub fn along(&self) -> Vec3 {
+        self.along
+    }
 }
 
 impl Point {
     /// Light from `position` of `intensity` (power per steradian).
     pub fn new(position: Vec3, intensity: [f32; 3]) -> Result<Self> {
         Ok(Self { position: place(position)?, intensity: brightness("intensity", intensity)? })
+    }
+
+    /// Where it stands.
+    pub fn position(&self) -> Vec3 {
+        self.position
     }
 }
 
@@ -106,6 +116,11 @@ impl Spot {
             full: full.cos(),
             dark: dark.cos(),
         })
+    }
+
+    /// Where it stands.
+    pub fn position(&self) -> Vec3 {
+        self.position
     }
 
     /// Share of the intensity that goes at this `cosine` to the axis: smoothstep between the two angles.

@@ -69,6 +69,11 @@ impl Noise {
         &self.settings
     }
 
+    /// How far points are displaced along an axis at most.
+    pub fn reach(&self) -> f32 {
+        2.0 * self.settings.position * self.settings.scale
+    }
+
     /// Where a medium is looked up in place of `at`, and what its density there is multiplied with (at least 0, 1 on average but
     /// for the clipping).
     #[inline]

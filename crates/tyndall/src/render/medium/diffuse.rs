@@ -7,8 +7,6 @@
 //! Source: K. Lathrop, B. Carlson, "Discrete ordinates angular quadrature of the neutron transport equation", 1965 (directions);
 //! A. Brandt, "Multi-level adaptive solutions to boundary-value problems", 1977 (coarse lattices first).
 
-use rayon::prelude::*;
-
 use super::field::Field;
 use super::harmonics::{ORDER, count};
 use super::sweep::{Ordinate, Sweeper};
@@ -54,29 +52,32 @@ pub(super) fn solve(
     accuracy: Accuracy,
     progress: &dyn Progress,
 ) -> Result<Vec<Field>> {
-    let mut solved: Option<Vec<Field>> = None;
-    for (place, level) in levels.iter().enumerate().rev() {
-        let lattice = level.density.lattice;
-        let most = accuracy.sweeps[usize::from(place + 1 < levels.len())];
-        let sweeper = sweeper(channel, &level.density);
-        let mut radiance = match solved.take() {
-            Some(coarse) => coarse.into_iter().map(|it| it.interpolated(lattice).values).collect(),
-            None => vec![vec![0.0; level.density.values.len()]; count(channel.order)],
-        };
-        for _ in 0..most {
+    let solver = Solver::new(channel, levels, ordinates);
+    let coarsest = levels.len() - 1;
+    let mut radiance = solver.nothing(coarsest);
+    for place in (0..levels.len()).rev() {
+        if place < coarsest {
+            radiance = solver.finer(place, radiance);
+        }
+        for _ in 0..accuracy.sweeps[usize::from(place < coarsest)] {
             if progress.cancelled() {
                 return Err(Error::Interrupted);
             }
-            let next = sweeper.sweep(ordinates, &scattered(channel, &radiance, &level.direct));
-            let change = change(&radiance[0], &next[0]);
+            let next = solver.lit(place, &radiance);
+            let rest = difference(&next, &radiance);
+            let change = (norm(&rest[0]) / norm(&next[0]).max(f64::MIN_POSITIVE)) as f32;
             radiance = next;
             if change < accuracy.change {
                 break;
             }
+            // What is still missing is smooth: it is found on the coarser lattice.
+            if place < coarsest {
+                let missing = solver.finer(place, solver.missing(place + 1, solver.coarser(place, &rest)));
+                add(&mut radiance, &missing);
+            }
         }
-        solved = Some(fields(lattice, radiance));
     }
-    Ok(solved.unwrap_or_default())
+    Ok(fields(levels[0].density.lattice, radiance))
 }
 
 /// Coefficients of the radiance of the sky alone, before any scattering.
@@ -85,7 +86,117 @@ pub(super) fn sky(channel: Channel, density: &Field, ordinates: &[Ordinate]) -> 
     fields(density.lattice, sweeper(channel, density).sweep(ordinates, &dark))
 }
 
-fn fields(lattice: Lattice, coefficients: Vec<Vec<f32>>) -> Vec<Field> {
+/// Coefficients of radiance at the samples of a lattice.
+type Radiance = Vec<Vec<f32>>;
+
+struct Solver<'a> {
+    channel: Channel,
+    levels: &'a [Level],
+    sweepers: Vec<Sweeper>,
+    ordinates: &'a [Ordinate],
+    /// The same directions with nothing that flows in.
+    dark: Vec<Ordinate>,
+    /// For every level but the last: the weights of its samples in means, and their sums on the next level.
+    weights: Vec<[Field; 2]>,
+}
+
+impl<'a> Solver<'a> {
+    fn new(channel: Channel, levels: &'a [Level], ordinates: &'a [Ordinate]) -> Self {
+        let weights = levels.windows(2).map(|pair| {
+            let weights = weights(&pair[0].density);
+            let sums = weights.coarsened(pair[1].density.lattice);
+            [weights, sums]
+        });
+        Self {
+            channel,
+            levels,
+            sweepers: levels.iter().map(|level| sweeper(channel, &level.density)).collect(),
+            ordinates,
+            dark: ordinates.iter().map(|it| Ordinate { inflow: 0.0, ..*it }).collect(),
+            weights: weights.collect(),
+        }
+    }
+
+    fn nothing(&self, place: usize) -> Radiance {
+        vec![vec![0.0; self.levels[place].density.values.len()]; count(self.channel.order)]
+    }
+
+    /// The radiance after one more scattering, with that of the lights.
+    fn lit(&self, place: usize, radiance: &Radiance) -> Radiance {
+        let mut arriving = radiance.clone();
+        add(&mut arriving, &self.levels[place].direct);
+        self.sweepers[place].sweep(self.ordinates, &self.scattered(arriving))
+    }
+
+    /// The radiance after one more scattering.
+    fn scattered_once(&self, place: usize, radiance: Radiance) -> Radiance {
+        self.sweepers[place].sweep(&self.dark, &self.scattered(radiance))
+    }
+
+    /// Coefficients of what scattering adds per extinction.
+    fn scattered(&self, mut radiance: Radiance) -> Radiance {
+        for (coefficients, order) in radiance.iter_mut().zip(ORDER) {
+            let share = self.channel.albedo * self.channel.g.powi(order);
+            coefficients.iter_mut().for_each(|it| *it *= share);
+        }
+        radiance
+    }
+
+    /// All further scatterings of `rest`, roughly.
+    fn missing(&self, place: usize, rest: Radiance) -> Radiance {
+        if place + 1 < self.levels.len() {
+            let mut all = self.finer(place, self.missing(place + 1, self.coarser(place, &rest)));
+            add(&mut all, &rest);
+            return self.scattered_once(place, all);
+        }
+        let mut missing = self.scattered_once(place, rest.clone());
+        for _ in 0..MISSING_SWEEPS {
+            let mut all = missing.clone();
+            add(&mut all, &rest);
+            let next = self.scattered_once(place, all);
+            let change = norm(&difference(&next, &missing)[0]) / norm(&next[0]).max(f64::MIN_POSITIVE);
+            missing = next;
+            if change < MISSING_CHANGE {
+                break;
+            }
+        }
+        missing
+    }
+
+    fn finer(&self, place: usize, coarse: Radiance) -> Radiance {
+        let lattice = self.levels[place].density.lattice;
+        let coarse = fields(self.levels[place + 1].density.lattice, coarse);
+        coarse.into_iter().map(|it| it.interpolated(lattice).values).collect()
+    }
+
+    /// Means weighted by density.
+    fn coarser(&self, place: usize, radiance: &Radiance) -> Radiance {
+        let [weights, sums] = &self.weights[place];
+        radiance.iter().map(|values| mean(weights, sums, values).values).collect()
+    }
+}
+
+/// The coarse solve for what is missing need not be better than this, as a change from sweep to sweep.
+const MISSING_CHANGE: f64 = 1e-2;
+const MISSING_SWEEPS: usize = 100;
+
+/// Weights of samples in means over coarser lattices: their density, or next to nothing where there is none.
+pub(super) fn weights(density: &Field) -> Field {
+    let most = density.values.iter().fold(0.0_f32, |most, &it| most.max(it));
+    let least = (1e-6 * most).max(f32::MIN_POSITIVE);
+    Field { lattice: density.lattice, values: density.values.iter().map(|it| it + least).collect() }
+}
+
+/// Weighted means of `values` on the lattice of `sums`, which has the coarsened weights.
+pub(super) fn mean(weights: &Field, sums: &Field, values: &[f32]) -> Field {
+    let weighted = weights.values.iter().zip(values).map(|(weight, value)| weight * value).collect();
+    let mut mean = Field { lattice: weights.lattice, values: weighted }.coarsened(sums.lattice);
+    let sums = sums.values.iter().map(|it| it.max(f32::MIN_POSITIVE));
+    mean.values.iter_mut().zip(sums).for_each(|(value, sum)| *value /= sum);
+    mean
+}
+
+fn fields(lattice: Lattice, coefficients: Radiance) -> Vec<Field> {
     coefficients.into_iter().map(|values| Field { lattice, values }).collect()
 }
 
@@ -94,21 +205,17 @@ fn sweeper(channel: Channel, density: &Field) -> Sweeper {
     Sweeper::new(Field { lattice: density.lattice, values })
 }
 
-/// Coefficients of what scattering adds per extinction.
-fn scattered(channel: Channel, radiance: &[Vec<f32>], direct: &[Vec<f32>]) -> Vec<Vec<f32>> {
-    let of_coefficient = |number: usize| {
-        let share = channel.albedo * channel.g.powi(ORDER[number]);
-        radiance[number].iter().zip(&direct[number]).map(|(a, b)| share * (a + b)).collect()
-    };
-    (0..radiance.len()).into_par_iter().map(of_coefficient).collect()
+fn add(sum: &mut Radiance, radiance: &Radiance) {
+    for (sum, radiance) in sum.iter_mut().zip(radiance) {
+        sum.iter_mut().zip(radiance).for_each(|(sum, it)| *sum += it);
+    }
 }
 
-/// How much two solutions differ, relative to the second: root mean squares.
-fn change(before: &[f32], after: &[f32]) -> f32 {
-    let (mut difference, mut total) = (0.0_f64, 0.0_f64);
-    for (a, b) in before.iter().zip(after) {
-        difference += f64::from(a - b).powi(2);
-        total += f64::from(*b).powi(2);
-    }
-    if total > 0.0 { (difference / total).sqrt() as f32 } else { 0.0 }
+fn difference(a: &Radiance, b: &Radiance) -> Radiance {
+    a.iter().zip(b).map(|(a, b)| a.iter().zip(b).map(|(a, b)| a - b).collect()).collect()
+}
+
+/// The root of the sum of squares.
+fn norm(values: &[f32]) -> f64 {
+    values.iter().map(|&it| f64::from(it).powi(2)).sum::<f64>().sqrt()
 }

@@ -44,8 +44,11 @@ impl Field {
         resample(grid.lattice(), lattice, row)
     }
 
-    /// The same total on a coarser (or as fine) lattice over the same samples.
+    /// The same total on a coarser lattice over the same samples; interpolated if it is not coarser.
     pub(super) fn coarsened(&self, lattice: Lattice) -> Self {
+        if lattice.spacing < 0.999 * self.lattice.spacing {
+            return self.interpolated(lattice);
+        }
         let [width, height, _] = self.lattice.size.map(|it| it as usize);
         let row = |j: u32, k: u32, row: &mut [f32]| {
             let first = (k as usize * height + j as usize) * width;

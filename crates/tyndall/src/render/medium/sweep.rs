@@ -4,7 +4,7 @@
 //! Takes extinction and source (light added per extinction) at the samples, gives the integral of the radiance over all
 //! directions, times spherical harmonics. Along the segment between two planes extinction and source are linear, and transport is
 //! exact for that: optically thick cells come out right, and where source and inflow are one constant so is the radiance.
-//! Across the planes radiance is interpolated, which blurs it; what has sharp shadows goes by `columns` instead.
+//! Within a plane radiance is interpolated by cubics, which blurs it a little; what has sharp shadows goes by `columns` instead.
 //! Invariant: the outermost samples of the lattice have no extinction; what flows in starts there.
 //! Source: P. Kunasz, L. Auer, "Short characteristic integration of radiative transfer problems", JQSRT 39, 1988.
 
@@ -155,6 +155,8 @@ struct Pass {
     row: isize,
     /// Weights of that sample, the next along lanes, the next along rows, and the next along both.
     weights: [f32; 4],
+    /// Weights of four samples along lanes and along rows, from one before that sample: a cubic.
+    cubic: [[f32; 4]; 2],
     /// What each coefficient of the source adds in this direction.
     harmonics: [f32; harmonics::COUNT],
     /// What the radiance adds to each coefficient.
@@ -176,16 +178,30 @@ impl Pass {
             lane,
             row,
             weights: [(1.0 - u) * (1.0 - v), u * (1.0 - v), (1.0 - u) * v, u * v],
+            cubic: [cubic(u), cubic(v)],
             harmonics,
             share: harmonics.map(|it| it * ordinate.weight),
         }
     }
 }
 
+/// Weights of the samples at -1, 0, 1 and 2 for the value at `x` from 0 to 1: the cubic through all four.
+fn cubic(x: f32) -> [f32; 4] {
+    let y = 1.0 - x;
+    [
+        -x * y * (1.0 + y) / 6.0,
+        y * (1.0 + x) * (1.0 + y) / 2.0,
+        x * (1.0 + x) * (1.0 + y) / 2.0,
+        -x * y * (1.0 + x) / 6.0,
+    ]
+}
+
 /// Samples that are carried at once.
 const LANES: usize = 16;
+/// Places of a plane's row before its first sample.
+const MARGIN: usize = 2;
 
-/// Radiance, source and extinction in one plane, with room at the end of each row for whole lanes.
+/// Radiance, source and extinction in one plane, with room at both ends of each row for whole lanes.
 #[derive(Clone)]
 struct Plane {
     radiance: Vec<f32>,
@@ -197,17 +213,19 @@ struct Plane {
 #[simd]
 fn carry<S: Simd>(simd: S, order: &Order, pass: &Pass, inputs: &Inputs, sums: &mut [Vec<f32>]) {
     let inner = order.lanes - 2;
-    let pitch = inner.next_multiple_of(LANES) + 2;
+    let pitch = MARGIN + 1 + inner.next_multiple_of(LANES) + 2;
     let area = pitch * order.rows;
     let mut before =
         Plane { radiance: vec![pass.inflow; area], source: vec![0.0; area], extinction: vec![0.0; area] };
     let mut here = before.clone();
+    let mut between = vec![pass.inflow; area];
     for step in 0..order.planes {
         let plane = if pass.forward { step } else { order.planes - 1 - step };
         // Gather the plane's extinction, and its source in this direction.
         for row in 0..order.rows {
             let first = plane * order.plane_step + row * order.row_step;
-            let source = &mut here.source[row * pitch..][..order.lanes];
+            let place = row * pitch + MARGIN;
+            let source = &mut here.source[place..][..order.lanes];
             for (number, coefficients) in inputs.sources.iter().enumerate() {
                 let weight = pass.harmonics[number];
                 let coefficients = &coefficients[first..][..order.lanes];
@@ -217,14 +235,17 @@ fn carry<S: Simd>(simd: S, order: &Order, pass: &Pass, inputs: &Inputs, sums: &m
                     source.iter_mut().zip(coefficients).for_each(|(sum, &it)| *sum += weight * it);
                 }
             }
-            here.extinction[row * pitch..][..order.lanes]
+            here.extinction[place..][..order.lanes]
                 .copy_from_slice(&inputs.extinction[first..][..order.lanes]);
         }
         // Carry radiance over from the plane before; at the lattice's border it is what flows in.
         if step > 0 {
+            for row in 0..order.rows {
+                shift_row(simd, pass, row, pitch, &before.radiance, &mut between);
+            }
             for row in 1..order.rows - 1 {
-                carry_row(simd, pass, row, pitch, &before, &mut here);
-                here.radiance[row * pitch + inner + 1..][..pitch - inner - 1].fill(pass.inflow);
+                carry_row(simd, pass, [row, order.rows], &between, &before, &mut here);
+                here.radiance[row * pitch + MARGIN + inner + 1..(row + 1) * pitch].fill(pass.inflow);
             }
         }
         // Add it to the sums.
@@ -232,11 +253,28 @@ fn carry<S: Simd>(simd: S, order: &Order, pass: &Pass, inputs: &Inputs, sums: &m
             for row in 0..order.rows {
                 let first = plane * order.plane_step + row * order.row_step;
                 let sum = &mut sum[first..][..order.lanes];
-                let radiance = &here.radiance[row * pitch..][..order.lanes];
+                let radiance = &here.radiance[row * pitch + MARGIN..][..order.lanes];
                 sum.iter_mut().zip(radiance).for_each(|(sum, &it)| *sum += share * it);
             }
         }
         std::mem::swap(&mut before, &mut here);
+    }
+}
+
+/// Radiance of a row between its samples: where the light comes from along lanes.
+#[inline(always)]
+fn shift_row<S: Simd>(simd: S, pass: &Pass, row: usize, pitch: usize, radiance: &[f32], between: &mut [f32]) {
+    let weights = splat(simd, pass.cubic[0]);
+    let radiance = &radiance[row * pitch..][..pitch];
+    let between = &mut between[row * pitch..][..pitch];
+    for place in (MARGIN + 1..pitch - 2).step_by(LANES) {
+        let from = (place - 1).wrapping_add_signed(pass.lane);
+        let window = &radiance[from..from + LANES + 3];
+        let mut sum = weights[0] * f32x16::from_slice(simd, &window[..LANES]);
+        for tap in 1..4 {
+            sum += weights[tap] * f32x16::from_slice(simd, &window[tap..tap + LANES]);
+        }
+        sum.store_slice(&mut between[place..place + LANES]);
     }
 }
 
@@ -245,17 +283,32 @@ fn carry<S: Simd>(simd: S, order: &Order, pass: &Pass, inputs: &Inputs, sums: &m
 /// With t the optical thickness of the segment: radiance' = e radiance + (q - e) source + (1 - q) source', where
 /// e = exp(-t) and q = (1 - e) / t, by their Pade approximants of order 4, whose error is below 1e-5 up to t = 2.
 #[inline(always)]
-fn carry_row<S: Simd>(simd: S, pass: &Pass, row: usize, pitch: usize, before: &Plane, here: &mut Plane) {
+fn carry_row<S: Simd>(
+    simd: S,
+    pass: &Pass,
+    row: [usize; 2],
+    between: &[f32],
+    before: &Plane,
+    here: &mut Plane,
+) {
     let number = |it: f32| f32x16::splat(simd, it);
-    let [w00, w10, w01, w11] = pass.weights;
-    let (w00, w10, w01, w11) = (number(w00), number(w10), number(w01), number(w11));
-    let corner = ((row as isize + pass.row) as usize * pitch + 1).wrapping_add_signed(pass.lane);
-    for chunk in (1..pitch - 1).step_by(LANES) {
+    let [row, rows] = row;
+    let pitch = between.len() / rows;
+    let weights = splat(simd, pass.weights);
+    let cubic = splat(simd, pass.cubic[1]);
+    let upstream = (row as isize + pass.row) as usize;
+    let taps = [upstream.saturating_sub(1), upstream, upstream + 1, (upstream + 2).min(rows - 1)];
+    let corner = upstream * pitch;
+    for chunk in (MARGIN + 1..pitch - 2).step_by(LANES) {
         let place = row * pitch + chunk;
-        let at = corner + chunk - 1;
-        let radiance = blend(simd, &before.radiance, at, pitch, [w00, w10, w01, w11]);
-        let source = blend(simd, &before.source, at, pitch, [w00, w10, w01, w11]);
-        let extinction = blend(simd, &before.extinction, at, pitch, [w00, w10, w01, w11]);
+        let at = corner + chunk.wrapping_add_signed(pass.lane);
+        let mut radiance = number(0.0);
+        for (tap, weight) in taps.into_iter().zip(cubic) {
+            let first = tap * pitch + chunk;
+            radiance += weight * f32x16::from_slice(simd, &between[first..first + LANES]);
+        }
+        let source = blend(simd, &before.source, at, pitch, weights);
+        let extinction = blend(simd, &before.extinction, at, pitch, weights);
         let source_here = f32x16::from_slice(simd, &here.source[place..place + LANES]);
         let extinction_here = f32x16::from_slice(simd, &here.extinction[place..place + LANES]);
         let t = number(pass.half_step) * (extinction + extinction_here);
@@ -272,6 +325,11 @@ fn carry_row<S: Simd>(simd: S, pass: &Pass, row: usize, pitch: usize, before: &P
 
 /// Half the optical thickness beyond which a segment counts as no thicker: exp(-8) is nothing.
 const MOST: f32 = 4.0;
+
+#[inline(always)]
+fn splat<S: Simd>(simd: S, [a, b, c, d]: [f32; 4]) -> [f32x16<S>; 4] {
+    [f32x16::splat(simd, a), f32x16::splat(simd, b), f32x16::splat(simd, c), f32x16::splat(simd, d)]
+}
 
 /// Sixteen values between samples.
 #[inline(always)]

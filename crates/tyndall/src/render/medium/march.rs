@@ -1,0 +1,248 @@
+//! The march: along each ray front to back through the bricks that hold something, light taken from the cache.
+//!
+//! Takes a medium, the light in it and a view; adds samples to every pixel in passes. A ray is cut into steps of one length; in
+//! each, extinction and light are those of one point, and the light scattered from it is integrated exactly. Where on the first
+//! step the points lie is drawn for each sample (one sample alone takes the middle), so that steps leave noise and no bands.
+//! Invariant: the same seed gives the same bits for any number of threads.
+
+use glam::Vec3;
+use rayon::prelude::*;
+
+use super::cache::Cache;
+use super::walk::{Brick, Path};
+use crate::error::{Error, Result};
+use crate::math::Ray;
+use crate::medium::light::Environment;
+use crate::medium::{Light, Medium, Noise};
+use crate::progress::Progress;
+use crate::render::sampling::{Dimension, point};
+use crate::scene::camera::View;
+
+/// The knobs of a marched picture.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Settings {
+    /// Pixels in a row; 1 to 65536.
+    pub width: u32,
+    /// Rows; 1 to 65536.
+    pub height: u32,
+    /// Samples a pixel; with one, it is the pixel's center. At least 1.
+    pub samples: u32,
+    /// Another seed gives other random numbers.
+    pub seed: u32,
+    /// Length of a step in spacings of the density; above 0.
+    pub step: f32,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Self { width: 1920, height: 1080, samples: 4, seed: 0, step: 1.0 }
+    }
+}
+
+/// A pixel of a marched picture: means over its samples.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Pixel {
+    /// RGB radiance that the medium scatters to the camera.
+    pub scattered: Vec3,
+    /// RGB radiance of the environment lights that comes through the medium.
+    pub environment: Vec3,
+    /// RGB share of what is behind the medium that comes through.
+    pub transmittance: Vec3,
+    /// Distance from the eye (orthographic: from the plane through it) at which light is scattered or absorbed, on average;
+    /// infinite where none is.
+    pub depth: f32,
+}
+
+/// A picture in the making.
+pub struct March<'a> {
+    medium: &'a Medium,
+    cache: &'a Cache,
+    skies: Vec<&'a Environment>,
+    noise: Option<&'a Noise>,
+    view: View,
+    settings: Settings,
+    sums: Vec<Sums>,
+    samples_done: u32,
+}
+
+/// What the samples of a pixel add up to.
+#[derive(Clone, Copy, Debug, Default)]
+struct Sums {
+    scattered: Vec3,
+    environment: Vec3,
+    transmittance: Vec3,
+    /// Distances times what is lost there, and what is lost.
+    depth: f32,
+    lost: f32,
+}
+
+/// Rays end where less than this comes through.
+const DARK: f32 = 1e-3;
+
+impl<'a> March<'a> {
+    /// A picture without samples yet. Fails with [`Error::Setting`] if a knob is out of range.
+    pub fn new(
+        medium: &'a Medium,
+        cache: &'a Cache,
+        lights: &'a [Light],
+        view: View,
+        settings: Settings,
+    ) -> Result<Self> {
+        let Settings { width, height, samples, step, .. } = settings;
+        if !(1..=65536).contains(&width) || !(1..=65536).contains(&height) {
+            return Err(Error::setting("size", format!("{width}x{height}"), "1x1 to 65536x65536 pixels"));
+        }
+        if samples == 0 {
+            return Err(Error::setting("samples", samples, "at least 1 a pixel"));
+        }
+        if !(1e-3..1e3).contains(&step) {
+            return Err(Error::setting("step", step, "0.001 to 1000 spacings of the density"));
+        }
+        let skies = lights.iter().filter_map(|light| match light {
+            Light::Environment(sky) => Some(sky),
+            _ => None,
+        });
+        let skies = skies.collect();
+        let sums = vec![Sums::default(); width as usize * height as usize];
+        Ok(Self { medium, cache, skies, noise: None, view, settings, sums, samples_done: 0 })
+    }
+
+    /// The same with the medium dispersed by noise.
+    pub fn with_noise(self, noise: &'a Noise) -> Self {
+        Self { noise: Some(noise), ..self }
+    }
+
+    /// Whether every pixel has all its samples.
+    pub fn is_done(&self) -> bool {
+        self.samples_done >= self.settings.samples
+    }
+
+    /// Adds a sample to every pixel; reports `width * height` to `progress`. Fails only when interrupted; the picture is then
+    /// incomplete.
+    pub fn pass(&mut self, progress: &dyn Progress) -> Result<()> {
+        let mut sums = std::mem::take(&mut self.sums);
+        let width = self.settings.width as usize;
+        sums.par_chunks_mut(width).enumerate().for_each(|(row, sums)| {
+            if progress.cancelled() {
+                return;
+            }
+            for (column, sum) in sums.iter_mut().enumerate() {
+                self.sample(column as u32, row as u32, sum);
+            }
+            progress.advance(width as u64);
+        });
+        self.sums = sums;
+        self.samples_done += 1;
+        if progress.cancelled() { Err(Error::Interrupted) } else { Ok(()) }
+    }
+
+    /// The means so far, row by row from the top left.
+    pub fn pixels(&self) -> Vec<Pixel> {
+        let scale = 1.0 / self.samples_done.max(1) as f32;
+        let pixel = |sums: &Sums| Pixel {
+            scattered: scale * sums.scattered,
+            environment: scale * sums.environment,
+            transmittance: scale * sums.transmittance,
+            depth: if sums.lost > 0.0 { sums.depth / sums.lost } else { f32::INFINITY },
+        };
+        self.sums.iter().map(pixel).collect()
+    }
+
+    /// Adds a sample to a pixel.
+    fn sample(&self, column: u32, row: u32, sums: &mut Sums) {
+        let Settings { width, samples, seed, .. } = self.settings;
+        let (number, sample) = (row * width + column, self.samples_done);
+        let at = |dimension| if samples == 1 { [0.5; 2] } else { point(seed, dimension, number, sample) };
+        let [x, y] = at(Dimension::Pixel);
+        let ray = self.view.ray(column as f32 + x, row as f32 + y);
+        let [start, _] = at(Dimension::Key);
+
+        let mut walk = Walk { transmittance: Vec3::ONE, sums };
+        match self.noise {
+            None => self.march(&ray, start, &mut walk),
+            Some(noise) => self.march_dispersed(noise, &ray, start, &mut walk),
+        }
+        let Walk { transmittance, sums } = walk;
+        let behind: Vec3 = self.skies.iter().map(|sky| sky.radiance(ray.direction)).sum();
+        sums.environment += transmittance * behind;
+        sums.transmittance += transmittance;
+    }
+
+    /// Through the bricks that are not empty.
+    fn march(&self, ray: &Ray, start: f32, walk: &mut Walk) {
+        let Some(path) = Path::new(self.medium, ray) else { return };
+        let grid = self.medium.density();
+        let extinction = Vec3::from(self.medium.optics().extinction);
+        let toward = self.cache.toward(ray.direction);
+        let step = self.settings.step * grid.spacing();
+        for piece in path.bricks(grid) {
+            let at = piece.at.map(|it| it as u32);
+            if grid.brick_range(at).max == 0.0 {
+                continue;
+            }
+            let brick = Brick::new(grid, at);
+            let mut number = (piece.from / step - start).ceil().max(0.0);
+            loop {
+                let distance = (number + start) * step;
+                if distance >= piece.to {
+                    break;
+                }
+                number += 1.0;
+                let density = brick.density(path.at(distance));
+                if density > 0.0 {
+                    let t = path.enter + distance;
+                    walk.step(step * density * extinction, t, || {
+                        self.cache.scattered(ray.origin + t * ray.direction, &toward)
+                    });
+                    if walk.is_dark() {
+                        return;
+                    }
+                }
+            }
+        }
+    }
+
+    /// Through all that noise may fill.
+    fn march_dispersed(&self, noise: &Noise, ray: &Ray, start: f32, walk: &mut Walk) {
+        let bounds = self.medium.bounds().grown(noise.reach());
+        let Some([enter, leave]) = bounds.clip(ray) else { return };
+        let grid = self.medium.density();
+        let extinction = Vec3::from(self.medium.optics().extinction);
+        let toward = self.cache.toward(ray.direction);
+        let step = self.settings.step * grid.spacing();
+        let mut t = enter + start * step;
+        while t < leave && !walk.is_dark() {
+            let (at, factor) = noise.disperse(ray.origin + t * ray.direction);
+            let density = factor * grid.density(at);
+            if density > 0.0 {
+                walk.step(step * density * extinction, t, || self.cache.scattered(at, &toward));
+            }
+            t += step;
+        }
+    }
+}
+
+/// What a ray has gathered.
+struct Walk<'a> {
+    transmittance: Vec3,
+    sums: &'a mut Sums,
+}
+
+impl Walk<'_> {
+    /// One step of that optical thickness, at the distance `t`, where scattering adds `source` per extinction.
+    #[inline(always)]
+    fn step(&mut self, thickness: Vec3, t: f32, source: impl FnOnce() -> Vec3) {
+        let through = Vec3::new((-thickness.x).exp(), (-thickness.y).exp(), (-thickness.z).exp());
+        let lost = self.transmittance * (1.0 - through);
+        self.sums.scattered += lost * source();
+        let lost = lost.element_sum();
+        self.sums.depth += lost * t;
+        self.sums.lost += lost;
+        self.transmittance *= through;
+    }
+
+    #[inline(always)]
+    fn is_dark(&self) -> bool {
+        self.transmittance.max_element() < DARK
+    }
+}
