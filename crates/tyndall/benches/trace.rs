@@ -8,8 +8,8 @@ use tyndall::scene::Scene;
 use tyndall::scene::camera::{Camera, Projection};
 use tyndall::scene::color::ParticleColors;
 use tyndall::scene::light::Lighting;
-use tyndall::structure::{Kind, Spheres, Structure, pkd};
-use tyndall::{DVec3, Particles, Radii, synthetic};
+use tyndall::structure::{Kind, Structure, pkd};
+use tyndall::{DVec3, synthetic};
 
 fn main() {
     divan::main();
@@ -18,10 +18,10 @@ fn main() {
 const LAWS: [&str; 3] = ["packed?n=1e6", "uniform?n=1e6", "clustered?n=1e6"];
 const EDGE: u32 = 400;
 
-fn particles(law: &str) -> (Particles, Radii) {
+fn structure(law: &str, kind: Kind) -> Structure {
     let particles = synthetic::generate(law, &()).expect("a known law");
     let radii = particles.radii().expect("synthetic particles have a radius").clone();
-    (particles, radii)
+    Structure::build(kind, particles, &radii, 1.0, &()).expect("nobody interrupts")
 }
 
 /// The unit cube from an oblique direction.
@@ -37,21 +37,11 @@ fn camera(perspective: bool) -> Camera {
 }
 
 fn picture(bencher: Bencher, law: &str, kind: Kind, perspective: bool, studio: bool, samples: u32) {
-    let (particles, radii) = particles(law);
-    let spheres = Spheres { particles: &particles, radii: &radii, radius_scale: 1.0 };
     let camera = camera(perspective);
     let view = camera.view(DVec3::ZERO, EDGE, EDGE).expect("a valid camera");
-    let scene = Scene {
-        spheres,
-        structure: Structure::build(kind, spheres, &()).expect("nobody interrupts"),
-        colors: ParticleColors::constant([0.8; 3]),
-        lighting: if studio {
-            Lighting::studio(view.forward, view.right, view.up)
-        } else {
-            Lighting::Headlight
-        },
-        background: None,
-    };
+    let lighting =
+        if studio { Lighting::studio(view.forward, view.right, view.up) } else { Lighting::Headlight };
+    let scene = Scene::new(structure(law, kind), ParticleColors::constant([0.8; 3]), lighting, None);
     let settings = Settings { width: EDGE, height: EDGE, samples, seed: 1 };
     bencher
         .counter(ItemsCount::new((EDGE * EDGE * samples) as usize))
@@ -60,22 +50,22 @@ fn picture(bencher: Bencher, law: &str, kind: Kind, perspective: bool, studio: b
 
 #[divan::bench(args = LAWS, sample_count = 10)]
 fn tiles_orthographic_1(bencher: Bencher, law: &str) {
-    picture(bencher, law, Kind::Bvh, false, false, 1);
+    picture(bencher, law, Kind::default(), false, false, 1);
 }
 
 #[divan::bench(args = LAWS, sample_count = 10)]
 fn tiles_orthographic_16(bencher: Bencher, law: &str) {
-    picture(bencher, law, Kind::Bvh, false, false, 16);
+    picture(bencher, law, Kind::default(), false, false, 16);
 }
 
 #[divan::bench(args = LAWS, sample_count = 10)]
 fn tiles_perspective_16(bencher: Bencher, law: &str) {
-    picture(bencher, law, Kind::Bvh, true, false, 16);
+    picture(bencher, law, Kind::default(), true, false, 16);
 }
 
 #[divan::bench(args = LAWS, sample_count = 5)]
 fn default_look_16(bencher: Bencher, law: &str) {
-    picture(bencher, law, Kind::Bvh, true, true, 16);
+    picture(bencher, law, Kind::default(), true, true, 16);
 }
 
 #[divan::bench(args = LAWS, sample_count = 5)]
@@ -86,9 +76,7 @@ fn pkd_rays_1(bencher: Bencher, law: &str) {
 /// Single rays through the hierarchy, on one thread, as picking and incoherent light need them.
 #[divan::bench(args = LAWS, sample_count = 10)]
 fn bvh_rays(bencher: Bencher, law: &str) {
-    let (particles, radii) = particles(law);
-    let spheres = Spheres { particles: &particles, radii: &radii, radius_scale: 1.0 };
-    let structure = Structure::build(Kind::Bvh, spheres, &()).expect("nobody interrupts");
+    let structure = structure(law, Kind::default());
     let view = camera(true).view(DVec3::ZERO, EDGE, EDGE).expect("a valid camera");
     let ray = |at: u32| view.ray((at % 100 * 4) as f32 + 0.5, (at / 100 * 4) as f32 + 0.5);
     let rays: Vec<Ray> = (0..10_000).map(ray).collect();
