@@ -12,7 +12,9 @@ use rayon::prelude::*;
 use super::columns::{self, Source};
 use super::diffuse::{self, Accuracy, Channel, Level};
 use super::field::{Field, cell, lattice_over, sample};
+use super::gather::{PhotonMap, Radius};
 use super::harmonics::{self, count};
+use super::photons::{self, Stored};
 use super::sweep::Ordinate;
 use crate::error::{Error, Result};
 use crate::medium::grid::Lattice;
@@ -30,11 +32,23 @@ pub struct Settings {
     pub diffuse_spacing: Option<f32>,
     /// Directions in which light travels; 8 to 4096.
     pub directions: u32,
+    /// How light that was scattered more than once is found.
+    pub multiple: Multiple,
+}
+
+/// How light that was scattered more than once is found.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub enum Multiple {
+    /// By sweeps: without noise.
+    #[default]
+    Sweeps,
+    /// From photons.
+    Photons(photons::Settings, Radius),
 }
 
 impl Default for Settings {
     fn default() -> Self {
-        Self { spacing: None, diffuse_spacing: None, directions: 64 }
+        Self { spacing: None, diffuse_spacing: None, directions: 64, multiple: Multiple::default() }
     }
 }
 
@@ -129,8 +143,20 @@ impl Cache {
         let builder = Builder::new(medium, lights, settings, progress)?;
         let direct = builder.direct();
         let mut fields = Vec::new();
-        for channel in builder.channels.solved() {
-            fields.push(builder.diffuse(&direct, channel)?);
+        match settings.multiple {
+            Multiple::Sweeps => {
+                for channel in builder.channels.solved() {
+                    fields.push(builder.diffuse(&direct, channel)?);
+                }
+            }
+            Multiple::Photons(settings, radius) => {
+                let settings = photons::Settings { stored: Stored::Multiple, ..settings };
+                let photons = photons::trace(medium, lights, &settings, progress)?;
+                let gathered = builder.gathered(&PhotonMap::new(medium, &photons, radius)?)?;
+                for channel in builder.channels.solved() {
+                    fields.push(builder.with_sky(&gathered, channel));
+                }
+            }
         }
         Ok(builder.finish(direct, fields))
     }
@@ -269,13 +295,7 @@ impl<'a> Builder<'a> {
             lights,
             density: Field::density(grid, lattice_over(grid, spacing)),
             lattices,
-            // What is left out has the share |g|^(order + 1) of light scattered in one direction.
-            order: match g.abs() {
-                0.0 => 0,
-                g if g < 0.2 => 1,
-                g if g < 0.5 => 2,
-                _ => 3,
-            },
+            order: harmonics::order_for(g),
             channels: Channels::of(medium, lights),
             ordinates: harmonics::directions(settings.directions as usize),
             progress,
@@ -309,19 +329,48 @@ impl<'a> Builder<'a> {
 
     /// Coefficients of the light of the sky and of that scattered before, in one channel.
     fn diffuse(&self, direct: &[Direct], channel: usize) -> Result<Vec<Field>> {
-        let optics = self.medium.optics();
-        let solved = Channel {
-            extinction: optics.extinction[channel],
-            albedo: optics.albedo[channel],
-            g: optics.phase.g(),
-            order: self.order,
-        };
         let level = |&lattice: &Lattice| Level {
             density: self.density.coarsened(lattice),
             direct: self.unscattered(direct, channel, lattice),
         };
         let levels: Vec<Level> = self.lattices.iter().map(level).collect();
-        diffuse::solve(solved, &levels, &self.inflow(channel), ACCURACY, self.progress)
+        diffuse::solve(self.channel(channel), &levels, &self.inflow(channel), ACCURACY, self.progress)
+    }
+
+    /// Coefficients of the light that was scattered before, from photons, at each sample.
+    fn gathered(&self, photons: &PhotonMap) -> Result<Vec<[Vec3; harmonics::COUNT]>> {
+        let lattice = self.lattices[0];
+        self.progress.begin("gather", Some(lattice.sample_count()), "samples");
+        let of_sample = |place: usize| {
+            if self.progress.cancelled() {
+                return [Vec3::ZERO; harmonics::COUNT];
+            }
+            photons.coefficients(lattice.position(sample(&lattice, place)), self.order)
+        };
+        let samples = (0..lattice.sample_count() as usize).into_par_iter().with_min_len(256);
+        let gathered = samples.map(of_sample).collect();
+        if self.progress.cancelled() { Err(Error::Interrupted) } else { Ok(gathered) }
+    }
+
+    /// What was gathered, and the light of the sky, in one channel.
+    fn with_sky(&self, gathered: &[[Vec3; harmonics::COUNT]], channel: usize) -> Vec<Field> {
+        let density = self.density.coarsened(self.lattices[0]);
+        let mut fields = diffuse::sky(self.channel(channel), &density, &self.inflow(channel));
+        for (number, field) in fields.iter_mut().enumerate() {
+            let added = gathered.iter().map(|coefficients| coefficients[number][channel]);
+            field.values.iter_mut().zip(added).for_each(|(value, added)| *value += added);
+        }
+        fields
+    }
+
+    fn channel(&self, channel: usize) -> Channel {
+        let optics = self.medium.optics();
+        Channel {
+            extinction: optics.extinction[channel],
+            albedo: optics.albedo[channel],
+            g: optics.phase.g(),
+            order: self.order,
+        }
     }
 
     /// Coefficients of the light of lights without extent at the samples of a coarse lattice: means weighted by density.

@@ -17,6 +17,17 @@ pub(super) const fn count(order: usize) -> usize {
 /// The order of a function by its number.
 pub(super) const ORDER: [i32; COUNT] = [0, 1, 1, 1, 2, 2, 2, 2, 2, 3, 3, 3, 3, 3, 3, 3];
 
+/// The order that radiance needs where the mean cosine of scattering is `g`: what is left out has the share |g|^(order + 1) of
+/// light scattered in one direction.
+pub(super) fn order_for(g: f32) -> usize {
+    match g.abs() {
+        0.0 => 0,
+        g if g < 0.2 => 1,
+        g if g < 0.5 => 2,
+        _ => 3,
+    }
+}
+
 /// All functions in a direction of unit length.
 pub(super) fn evaluate(direction: Vec3) -> [f32; COUNT] {
     let Vec3 { x, y, z } = direction;

@@ -8,13 +8,15 @@
 use glam::Vec3;
 use rayon::prelude::*;
 
-use super::cache::Cache;
+use super::brute::BruteForce;
+use super::cache::{Cache, Toward};
 use super::walk::{Brick, Path};
 use crate::error::{Error, Result};
 use crate::math::Ray;
 use crate::medium::light::Environment;
 use crate::medium::{Light, Medium, Noise};
 use crate::progress::Progress;
+use crate::random::Stream;
 use crate::render::sampling::{Dimension, point};
 use crate::scene::camera::View;
 
@@ -53,10 +55,19 @@ pub struct Pixel {
     pub depth: f32,
 }
 
+/// Where the march takes light from.
+#[derive(Clone, Copy)]
+pub enum Illumination<'a> {
+    /// The cache.
+    Cached(&'a Cache),
+    /// Lights and photons, at every point anew.
+    BruteForce(&'a BruteForce<'a>),
+}
+
 /// A picture in the making.
 pub struct March<'a> {
     medium: &'a Medium,
-    cache: &'a Cache,
+    light: Illumination<'a>,
     skies: Vec<&'a Environment>,
     noise: Option<&'a Noise>,
     view: View,
@@ -83,7 +94,7 @@ impl<'a> March<'a> {
     /// A picture without samples yet. Fails with [`Error::Setting`] if a knob is out of range.
     pub fn new(
         medium: &'a Medium,
-        cache: &'a Cache,
+        light: Illumination<'a>,
         lights: &'a [Light],
         view: View,
         settings: Settings,
@@ -104,7 +115,7 @@ impl<'a> March<'a> {
         });
         let skies = skies.collect();
         let sums = vec![Sums::default(); width as usize * height as usize];
-        Ok(Self { medium, cache, skies, noise: None, view, settings, sums, samples_done: 0 })
+        Ok(Self { medium, light, skies, noise: None, view, settings, sums, samples_done: 0 })
     }
 
     /// The same with the medium dispersed by noise.
@@ -157,12 +168,17 @@ impl<'a> March<'a> {
         let ray = self.view.ray(column as f32 + x, row as f32 + y);
         let [start, _] = at(Dimension::Key);
 
-        let mut walk = Walk { transmittance: Vec3::ONE, sums };
+        let stream = Stream::new(u64::from(seed), u64::from(number) << 32 | u64::from(sample));
+        let source = match self.light {
+            Illumination::Cached(cache) => Source::Cached(cache, cache.toward(ray.direction)),
+            Illumination::BruteForce(brute) => Source::BruteForce(brute, ray.direction, stream),
+        };
+        let mut walk = Walk { transmittance: Vec3::ONE, source, sums };
         match self.noise {
             None => self.march(&ray, start, &mut walk),
             Some(noise) => self.march_dispersed(noise, &ray, start, &mut walk),
         }
-        let Walk { transmittance, sums } = walk;
+        let Walk { transmittance, sums, .. } = walk;
         let behind: Vec3 = self.skies.iter().map(|sky| sky.radiance(ray.direction)).sum();
         sums.environment += transmittance * behind;
         sums.transmittance += transmittance;
@@ -173,7 +189,6 @@ impl<'a> March<'a> {
         let Some(path) = Path::new(self.medium, ray) else { return };
         let grid = self.medium.density();
         let extinction = Vec3::from(self.medium.optics().extinction);
-        let toward = self.cache.toward(ray.direction);
         let step = self.settings.step * grid.spacing();
         for piece in path.bricks(grid) {
             let at = piece.at.map(|it| it as u32);
@@ -191,9 +206,7 @@ impl<'a> March<'a> {
                 let density = brick.density(path.at(distance));
                 if density > 0.0 {
                     let t = path.enter + distance;
-                    walk.step(step * density * extinction, t, || {
-                        self.cache.scattered(ray.origin + t * ray.direction, &toward)
-                    });
+                    walk.step(step * density * extinction, t, ray.origin + t * ray.direction);
                     if walk.is_dark() {
                         return;
                     }
@@ -208,33 +221,43 @@ impl<'a> March<'a> {
         let Some([enter, leave]) = bounds.clip(ray) else { return };
         let grid = self.medium.density();
         let extinction = Vec3::from(self.medium.optics().extinction);
-        let toward = self.cache.toward(ray.direction);
         let step = self.settings.step * grid.spacing();
         let mut t = enter + start * step;
         while t < leave && !walk.is_dark() {
             let (at, factor) = noise.disperse(ray.origin + t * ray.direction);
             let density = factor * grid.density(at);
             if density > 0.0 {
-                walk.step(step * density * extinction, t, || self.cache.scattered(at, &toward));
+                walk.step(step * density * extinction, t, at);
             }
             t += step;
         }
     }
 }
 
+/// Where the light of one ray comes from.
+enum Source<'a> {
+    Cached(&'a Cache, Toward),
+    BruteForce(&'a BruteForce<'a>, Vec3, Stream),
+}
+
 /// What a ray has gathered.
 struct Walk<'a> {
     transmittance: Vec3,
+    source: Source<'a>,
     sums: &'a mut Sums,
 }
 
 impl Walk<'_> {
-    /// One step of that optical thickness, at the distance `t`, where scattering adds `source` per extinction.
+    /// One step of that optical thickness, at the distance `t`, with light as it is `at` a point.
     #[inline(always)]
-    fn step(&mut self, thickness: Vec3, t: f32, source: impl FnOnce() -> Vec3) {
+    fn step(&mut self, thickness: Vec3, t: f32, at: Vec3) {
         let through = Vec3::new((-thickness.x).exp(), (-thickness.y).exp(), (-thickness.z).exp());
         let lost = self.transmittance * (1.0 - through);
-        self.sums.scattered += lost * source();
+        self.sums.scattered += lost
+            * match &mut self.source {
+                Source::Cached(cache, toward) => cache.scattered(at, toward),
+                Source::BruteForce(brute, direction, stream) => brute.scattered(at, *direction, stream),
+            };
         let lost = lost.element_sum();
         self.sums.depth += lost * t;
         self.sums.lost += lost;

@@ -1,0 +1,180 @@
+//! Radiance from photons: those in a ball around a point, over what scatters in the ball.
+//!
+//! A photon's power is what is scattered where it lies, so that power over the scattering coefficient's integral over the ball is
+//! radiance: right where the density changes within the ball, and at its border. Invariant: photons are sorted by the cells of a
+//! lattice as wide as the radius, so that a ball meets at most 27 cells.
+//! Source: H. Jensen, P. Christensen, SIGGRAPH 1998; D. Cha, S. Son, I. Ihm, EGSR 2009.
+
+use glam::{IVec3, Vec3};
+use rayon::prelude::*;
+
+use super::harmonics;
+use super::photons::{Photon, Photons};
+use crate::error::{Error, Result};
+use crate::medium::Medium;
+
+/// How wide the ball is.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub enum Radius {
+    /// For 100 photons a ball, on average over the bricks that hold something.
+    #[default]
+    Automatic,
+    /// This length.
+    Fixed(f32),
+    /// As wide as it takes for so many photons, at most this length.
+    Nearest(u32, f32),
+}
+
+/// Photons a ball holds on average where nobody says how wide it is.
+const AUTOMATIC: f64 = 100.0;
+/// Points of a ball at which the density is looked up.
+const POINTS: usize = 32;
+
+/// Photons, sorted by place.
+pub struct PhotonMap<'a> {
+    medium: &'a Medium,
+    radius: Radius,
+    widest: f32,
+    origin: Vec3,
+    size: [usize; 3],
+    /// The first photon of every cell, and the end.
+    starts: Vec<u32>,
+    photons: Vec<Photon>,
+    points: Vec<Vec3>,
+}
+
+impl<'a> PhotonMap<'a> {
+    /// Sorts photons. Fails with [`Error::Setting`] for a radius that is not above 0 or a number of photons that is 0.
+    pub fn new(medium: &'a Medium, photons: &Photons, radius: Radius) -> Result<Self> {
+        let bounds = medium.bounds();
+        let widest = match radius {
+            Radius::Automatic => automatic(medium, photons.stored.len()),
+            Radius::Fixed(radius) | Radius::Nearest(_, radius) => radius,
+        };
+        if !(widest > 0.0 && widest.is_finite()) {
+            return Err(Error::setting("gather-radius", widest, "a length above 0"));
+        }
+        if matches!(radius, Radius::Nearest(0, _)) {
+            return Err(Error::setting("gather-radius", 0, "at least one photon"));
+        }
+        // Cells as wide as the ball, unless these would be too many for a table.
+        let edge = widest.max(bounds.extent().max_element() / 1000.0);
+        let size = (bounds.extent() / edge).to_array().map(|cells| cells as usize + 1);
+        let mut map = Self {
+            medium,
+            radius: if radius == Radius::Automatic { Radius::Fixed(widest) } else { radius },
+            widest: edge,
+            origin: bounds.min,
+            size,
+            starts: vec![0; size.iter().product::<usize>() + 1],
+            photons: photons.stored.clone(),
+            points: ball(),
+        };
+        let cell = |photon: &Photon| map.cell(photon.position);
+        let mut keyed: Vec<(u32, u32)> = photons
+            .stored
+            .par_iter()
+            .enumerate()
+            .map(|(place, it)| (cell(it) as u32, place as u32))
+            .collect();
+        keyed.par_sort_unstable();
+        for (to, &(cell, from)) in keyed.iter().enumerate() {
+            map.photons[to] = photons.stored[from as usize];
+            map.starts[cell as usize + 1] = to as u32 + 1;
+        }
+        for cell in 1..map.starts.len() {
+            map.starts[cell] = map.starts[cell].max(map.starts[cell - 1]);
+        }
+        Ok(map)
+    }
+
+    /// The widest that a ball is.
+    pub fn radius(&self) -> f32 {
+        match self.radius {
+            Radius::Fixed(radius) | Radius::Nearest(_, radius) => radius,
+            Radius::Automatic => self.widest,
+        }
+    }
+
+    /// Coefficients of the radiance at a point up to an order of spherical harmonics, RGB.
+    pub(super) fn coefficients(&self, at: Vec3, order: usize) -> [Vec3; harmonics::COUNT] {
+        let mut sums = [Vec3::ZERO; harmonics::COUNT];
+        let radius = match self.radius {
+            Radius::Nearest(wanted, most) => self.nearest(at, wanted as usize, most),
+            _ => self.radius(),
+        };
+        let density = self.points.iter().map(|point| self.medium.density().density(at + radius * point));
+        let mass = density.sum::<f32>() / POINTS as f32 * (4.0 / 3.0 * std::f32::consts::PI * radius.powi(3));
+        if mass <= 0.0 {
+            return sums;
+        }
+        let number = harmonics::count(order);
+        self.each(at, radius, |photon, _| {
+            let harmonics = harmonics::evaluate(photon.direction);
+            for (sum, harmonic) in sums[..number].iter_mut().zip(harmonics) {
+                *sum += harmonic * photon.power;
+            }
+        });
+        let optics = self.medium.optics();
+        let scattering = mass * Vec3::from(optics.extinction) * Vec3::from(optics.albedo);
+        let inverse = scattering.map(|it| if it > 0.0 { 1.0 / it } else { 0.0 });
+        sums.map(|sum| sum * inverse)
+    }
+
+    /// The distance of the photon number `wanted` by distance, at most `most`.
+    fn nearest(&self, at: Vec3, wanted: usize, most: f32) -> f32 {
+        let mut distances = Vec::new();
+        self.each(at, most, |_, distance_sq| distances.push(distance_sq));
+        if distances.len() < wanted {
+            return most;
+        }
+        let (_, distance_sq, _) = distances.select_nth_unstable_by(wanted - 1, f32::total_cmp);
+        distance_sq.sqrt()
+    }
+
+    /// All photons in a ball, with their squared distances, in a fixed order.
+    fn each(&self, at: Vec3, radius: f32, mut visit: impl FnMut(&Photon, f32)) {
+        let [low, high] = [at - radius, at + radius].map(|corner| self.place(corner));
+        for z in low.z..=high.z {
+            for y in low.y..=high.y {
+                let row = (z as usize * self.size[1] + y as usize) * self.size[0];
+                let first = self.starts[row + low.x as usize] as usize;
+                let end = self.starts[row + high.x as usize + 1] as usize;
+                for photon in &self.photons[first..end] {
+                    let distance_sq = photon.position.distance_squared(at);
+                    if distance_sq <= radius * radius {
+                        visit(photon, distance_sq);
+                    }
+                }
+            }
+        }
+    }
+
+    fn place(&self, at: Vec3) -> IVec3 {
+        let last = IVec3::from_array(self.size.map(|it| it as i32 - 1));
+        ((at - self.origin) / self.widest).floor().as_ivec3().clamp(IVec3::ZERO, last)
+    }
+
+    fn cell(&self, at: Vec3) -> usize {
+        let place = self.place(at);
+        (place.z as usize * self.size[1] + place.y as usize) * self.size[0] + place.x as usize
+    }
+}
+
+/// A radius for [`AUTOMATIC`] photons a ball.
+fn automatic(medium: &Medium, photons: usize) -> f32 {
+    let grid = medium.density();
+    let [stored, _] = grid.stored_bricks();
+    let volume = stored as f64 * f64::from(8.0 * grid.spacing()).powi(3);
+    let share = AUTOMATIC / photons.max(1) as f64;
+    let radius = (volume * share / (4.0 / 3.0 * std::f64::consts::PI)).cbrt() as f32;
+    radius.clamp(grid.spacing(), 0.25 * medium.bounds().extent().max_element().max(grid.spacing()))
+}
+
+/// Points spread evenly in the unit ball.
+fn ball() -> Vec<Vec3> {
+    let directions = harmonics::directions(POINTS);
+    // Radii in an order that has nothing to do with that of the directions.
+    let radius = |place: usize| ((place as f32 * 0.754_877_7).fract() + 1e-3).cbrt().min(1.0);
+    directions.into_iter().enumerate().map(|(place, direction)| radius(place) * direction).collect()
+}
