@@ -57,9 +57,12 @@ impl Bounds {
     #[inline(always)]
     pub fn clip(&self, ray: &Ray) -> Option<[f32; 2]> {
         let inverse = ray.inv_direction();
-        let (one, other) = ((self.min - ray.origin) * inverse, (self.max - ray.origin) * inverse);
-        let enter = one.min(other).max_element().max(ray.t_min);
-        let leave = one.max(other).min_element().min(ray.t_max);
+        let forward = inverse.cmpgt(Vec3::ZERO);
+        // The sides by the ray's way, not by the nearer of the two: the empty box stays empty.
+        let (near, far) =
+            (Vec3::select(forward, self.min, self.max), Vec3::select(forward, self.max, self.min));
+        let enter = ((near - ray.origin) * inverse).max_element().max(ray.t_min);
+        let leave = ((far - ray.origin) * inverse).min_element().min(ray.t_max);
         (enter < leave).then_some([enter, leave])
     }
 }

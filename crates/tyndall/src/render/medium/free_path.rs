@@ -131,7 +131,8 @@ impl<'a> Tracker<'a> {
 
     /// An estimate of the transmittance along `ray`, right on average, by far fewer look-ups than the exact one.
     ///
-    /// Residual ratio tracking, with the middle of each brick's range as the control.
+    /// Residual ratio tracking with the least density of each brick as the control: weights stay between 0 and 1. (The middle of
+    /// the range halves the look-ups, but weights of up to 2 a look-up raised the variance of the reference by three quarters.)
     #[inline]
     pub fn ratio_transmittance(&self, ray: &Ray, stream: &mut Stream) -> Vec3 {
         let Some(path) = Path::new(self.medium, ray) else { return Vec3::ONE };
@@ -145,7 +146,7 @@ impl<'a> Tracker<'a> {
             if range.max == 0.0 {
                 continue;
             }
-            let control = 0.5 * (range.min + range.max);
+            let control = range.min;
             control_column += control * (to - from);
             let majorant = self.greatest * (range.max - control);
             if majorant <= 0.0 {
@@ -420,3 +421,6 @@ fn solve([near, quarter, center, far]: [f32; 4], target: f32) -> f32 {
     }
     x
 }
+
+#[cfg(test)]
+mod tests;

@@ -115,12 +115,6 @@ struct Tracer<'a> {
     settings: &'a Settings,
 }
 
-/// How a photon ended.
-enum Fate {
-    Escaped(Vec3),
-    Absorbed,
-}
-
 impl Tracer<'_> {
     /// The work: every light with power gets its share of the photons, at least one.
     fn chunks<'a>(&self, lights: &'a [Light]) -> Vec<Chunk<'a>> {
@@ -157,8 +151,8 @@ impl Tracer<'_> {
         photons
     }
 
-    /// Follows a photon to its end.
-    fn follow(&self, emission: Emission, stream: &mut Stream, photons: &mut Photons) -> Fate {
+    /// Follows a photon to its end; gives the direction in which it left, `None` if it was absorbed.
+    fn follow(&self, emission: Emission, stream: &mut Stream, photons: &mut Photons) -> Option<Vec3> {
         let optics = self.tracker.medium().optics();
         let albedo = Vec3::from(optics.albedo);
         let Emission { mut origin, mut direction, mut power } = emission;
@@ -168,7 +162,7 @@ impl Tracer<'_> {
             let ray = Ray { origin, direction, t_min: 0.0, t_max: f32::INFINITY };
             let Some(distance) = self.tracker.next(self.settings.free_path, &ray, &mut power, stream) else {
                 photons.escaped_power += power.as_dvec3();
-                return Fate::Escaped(direction);
+                return Some(direction);
             };
             origin += distance * direction;
             photons.interactions += 1;
@@ -181,7 +175,7 @@ impl Tracer<'_> {
             let survival = scattered.max_element() / power.max_element();
             if stream.unit() >= survival {
                 photons.absorbed_power += power.as_dvec3();
-                return Fate::Absorbed;
+                return None;
             }
             photons.absorbed_power += (power - scattered / survival).as_dvec3();
             power = scattered / survival;
@@ -206,3 +200,6 @@ impl Photons {
         joined
     }
 }
+
+#[cfg(test)]
+mod tests;

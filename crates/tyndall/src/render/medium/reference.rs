@@ -137,13 +137,16 @@ impl<'a> Reference<'a> {
         let mass = self.tracker.column(&ray);
         let transmittance = self.tracker.through(mass);
         let mut pixel = Pixel { scattered: Vec3::ZERO, environment: transmittance * behind, transmittance };
-        if transmittance != Vec3::ONE
+        if mass > 0.0
+            && transmittance != Vec3::ONE
             && self.settings.orders != Some(0)
             && let Some((distance, weight)) = self.tracker.forced(&ray, mass, at(Dimension::Key))
         {
             let mut stream = Stream::new(u64::from(seed), u64::from(number) << 32 | u64::from(sample));
             let start = Ray { origin: ray.origin + distance * ray.direction, ..ray };
-            pixel.scattered = self.path(start, weight, at(Dimension::Sky), &mut stream);
+            // The roulette must not end a path because little of the medium is in the way.
+            let scale = weight.max_element();
+            pixel.scattered = scale * self.path(start, weight / scale, at(Dimension::Sky), &mut stream);
         }
         pixel
     }
@@ -264,3 +267,6 @@ fn choose(weights: impl Iterator<Item = f32> + Clone, stream: &mut Stream) -> Op
     }
     last
 }
+
+#[cfg(test)]
+mod tests;
