@@ -3,6 +3,7 @@
 //! [`Medium`] takes a [`Grid`] of density and how matter of density 1 meets light; extinction and albedo are RGB. Its box and
 //! all positions are measured from the particles' origin. Invariant: albedo within 0 and 1, extinction finite and at least 0.
 
+pub mod automatic;
 mod cells;
 pub mod density;
 mod environment;
