@@ -34,7 +34,7 @@ pub(crate) fn tell(work: &Work, pictures: usize, report: &Report) -> Outcome<()>
 }
 
 /// Memory that may be taken without swapping, where the system tells: what is free, and what the process may have.
-fn available_bytes() -> Option<u64> {
+pub(crate) fn available_bytes() -> Option<u64> {
     let of_machine = std::fs::read_to_string("/proc/meminfo").ok().and_then(|text| {
         let line = text.lines().find_map(|line| line.strip_prefix("MemAvailable:"))?;
         Some(line.trim().strip_suffix("kB")?.trim().parse::<u64>().ok()? * 1024)

@@ -11,6 +11,7 @@ mod help;
 mod info;
 mod input;
 mod json;
+mod medium;
 mod metadata;
 mod output;
 mod plan;

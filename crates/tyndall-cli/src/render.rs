@@ -25,11 +25,14 @@ use crate::args::{self, LightLook, Mode, PkdAxis, PkdOrder, StructureArgs, Struc
 use crate::output::Pattern;
 use crate::plan::{self, Picture};
 use crate::report::{Failure, Outcome, Report, counted, seconds};
-use crate::values::Degrees;
-use crate::{dry_run, input, metadata, progress};
+use crate::values::{Background, Degrees};
+use crate::{dry_run, input, medium, metadata, progress};
 
 /// Renders what the command line asks for.
 pub(crate) fn run(args: &args::Render, report: &Report) -> Outcome<()> {
+    if args.method.mode == Mode::Medium || medium::is_scene(&args.input.files) {
+        return medium::run(args, report);
+    }
     let job = Job::new(args, report)?;
     // What cannot work is refused before the reading.
     write::check(&job.pattern.name(0)).map_err(Failure::Output)?;
@@ -67,33 +70,24 @@ struct Job<'a> {
 
 impl<'a> Job<'a> {
     fn new(args: &'a args::Render, report: &'a Report) -> Outcome<Self> {
-        if args.method.mode == Mode::Medium {
-            return Err(Failure::Usage(
-                "--mode medium is not in this version — leave it out to render spheres".into(),
-            ));
-        }
         let args::Picture { size, samples, seed, background, alpha, .. } = &args.picture;
-        let settings = Settings { width: size.width, height: size.height, samples: *samples, seed: *seed };
-        let camera = &args.camera;
-        let lens = match (camera.ortho, camera.fov) {
-            (Some(ortho), _) => Lens::Orthographic { height: ortho.0 },
-            (None, Some(Degrees(fov))) if !(fov > 0.0 && fov < 180.0) => {
-                return Err(Error::setting("--fov", fov, "between 0 and 180 degrees").into());
+        let samples = samples.unwrap_or(Settings::default().samples);
+        let settings = Settings { width: size.width, height: size.height, samples, seed: *seed };
+        let background = match background.unwrap_or(Background::Color([1.0; 3])) {
+            Background::Nothing => None,
+            Background::Color(color) => Some(color),
+            Background::Sky => {
+                let allowed = "a color or none; sky is for --mode medium";
+                return Err(Error::setting("--background", "sky", allowed).into());
             }
-            (None, Some(Degrees(fov))) => Lens::Perspective { vertical_angle: fov.to_radians() },
-            (None, None) => Lens::Perspective { vertical_angle: VERTICAL_ANGLE },
         };
-        let motion = if args.frames.orbit.is_some() { Motion::Orbit } else { Motion::Still };
-        let side = camera.view.unwrap_or_default();
-        let viewpoint =
-            Viewpoint { eye: camera.eye, look_at: camera.look_at, up: camera.up, side, lens, motion };
         Ok(Self {
             args,
             report,
             settings,
             structure: structure(&args.method.structure),
-            viewpoint,
-            background: if *alpha { None } else { background.0 },
+            viewpoint: viewpoint(args)?,
+            background: if *alpha { None } else { background },
             pattern: Pattern::new(&args.picture.output),
         })
     }
@@ -236,6 +230,7 @@ impl<'a> Job<'a> {
                 bits: if self.args.picture.bits == "16" { 16 } else { 8 },
                 dpi: self.args.picture.dpi,
                 metadata: metadata::entries(sequence, number, time, &self.settings, &guesses),
+                ..ImageOptions::default()
             };
             write::image(&picture.path, &image, &options).map_err(Failure::Output)?;
             *written += 1;
@@ -327,6 +322,22 @@ impl<'a> Job<'a> {
         guesses.push(format!("{width}x{height}, {samples} samples"));
         guesses
     }
+}
+
+/// What the command line says about the camera.
+pub(crate) fn viewpoint(args: &args::Render) -> Outcome<Viewpoint> {
+    let camera = &args.camera;
+    let lens = match (camera.ortho, camera.fov) {
+        (Some(ortho), _) => Lens::Orthographic { height: ortho.0 },
+        (None, Some(Degrees(fov))) if !(fov > 0.0 && fov < 180.0) => {
+            return Err(Error::setting("--fov", fov, "between 0 and 180 degrees").into());
+        }
+        (None, Some(Degrees(fov))) => Lens::Perspective { vertical_angle: fov.to_radians() },
+        (None, None) => Lens::Perspective { vertical_angle: VERTICAL_ANGLE },
+    };
+    let motion = if args.frames.orbit.is_some() { Motion::Orbit } else { Motion::Still };
+    let side = camera.view.unwrap_or_default();
+    Ok(Viewpoint { eye: camera.eye, look_at: camera.look_at, up: camera.up, side, lens, motion })
 }
 
 /// The structure that the command line names.

@@ -84,17 +84,25 @@ impl FromStr for Ortho {
     }
 }
 
-/// What is behind the particles: linear RGB, or nothing.
+/// What is behind the particles.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Background(pub(crate) Option<[f32; 3]>);
+pub(crate) enum Background {
+    /// Nothing: the picture is transparent there.
+    Nothing,
+    /// Linear RGB.
+    Color([f32; 3]),
+    /// The lights all around.
+    Sky,
+}
 
 impl FromStr for Background {
     type Err = Error;
 
     fn from_str(text: &str) -> Result<Self> {
         match text.parse() {
-            _ if matches!(text, "none" | "transparent") => Ok(Self(None)),
-            Ok(Coloring::Constant(color)) => Ok(Self(Some(color))),
+            _ if matches!(text, "none" | "transparent") => Ok(Self::Nothing),
+            _ if text == "sky" => Ok(Self::Sky),
+            Ok(Coloring::Constant(color)) => Ok(Self::Color(color)),
             _ => Err(Error::setting(
                 "--background",
                 text,
@@ -215,7 +223,7 @@ mod tests {
         assert!(
             ["0", "1.5", "x"].iter().all(|bad| count(bad).is_err()) && count("1e7").unwrap() == 10_000_000
         );
-        assert_eq!("none".parse::<Background>().unwrap(), Background(None));
+        assert_eq!("none".parse::<Background>().unwrap(), Background::Nothing);
         assert_eq!("#ffffff".parse::<Background>().unwrap(), "white".parse().unwrap());
         assert!("c_pe".parse::<Background>().is_err());
     }

@@ -28,6 +28,8 @@ pub(super) fn write(path: &Path, image: &Image, options: &ImageOptions) -> Resul
     channels.push(channel("depth", FlatSamples::F32(image.depth.clone())));
     let (ids, meaning) = id_channels(&image.id);
     channels.extend(ids);
+    let further = options.channels.iter();
+    channels.extend(further.map(|(name, values)| channel(name, FlatSamples::F32(values.clone()))));
 
     let size = Vec2(image.width as usize, image.height as usize);
     let mut layer =

@@ -18,11 +18,13 @@ pub struct ImageOptions {
     pub dpi: Option<f64>,
     /// Keys and texts that say how the picture came about. A key has 1 to 79 letters and signs of Latin-1; a text is any.
     pub metadata: Vec<(String, String)>,
+    /// Names and values of further channels, pixel by pixel; only an EXR has them.
+    pub channels: Vec<(String, Vec<f32>)>,
 }
 
 impl Default for ImageOptions {
     fn default() -> Self {
-        Self { bits: 8, dpi: None, metadata: Vec::new() }
+        Self { bits: 8, dpi: None, metadata: Vec::new(), channels: Vec::new() }
     }
 }
 
@@ -44,6 +46,7 @@ pub fn image(path: &Path, image: &Image, options: &ImageOptions) -> Result<()> {
         [image.color.len(), image.depth.len(), image.id.len()] == [pixels; 3],
         "columns of {pixels} pixels"
     );
+    assert!(options.channels.iter().all(|(_, values)| values.len() == pixels), "channels of {pixels} pixels");
     if pixels == 0 {
         let size = format!("{}x{}", image.width, image.height);
         return Err(Error::setting("--size", size, "a picture has at least one pixel"));

@@ -1,0 +1,328 @@
+//! `tyndall render --mode medium`: particles, or a density from a file, as a medium in light.
+//!
+//! The road: density (from particles or a grid file), extinction, lights, illumination cache, march, picture. What is not said is
+//! guessed from the first frame and printed; camera, extinction and lights are kept for all frames, so that nothing jumps.
+
+mod picture;
+mod scene_file;
+pub(crate) mod values;
+
+use std::path::PathBuf;
+use std::time::Instant;
+
+use clap::ValueEnum;
+use tyndall::medium::density::{self, Resolution, Smoothing, Volume, Weight};
+use tyndall::medium::light::{Directional, Environment};
+use tyndall::medium::{Grid, Kernel, Light, Medium, Noise, NoiseSettings, Optics, Phase, automatic};
+use tyndall::particles::Particles;
+use tyndall::render::medium::march;
+use tyndall::scene::camera::{Camera, View};
+use tyndall::scene::outline::Outline;
+use tyndall::scene::short;
+use tyndall::{DVec3, Error, Vec3};
+use tyndall_io::write;
+
+use crate::args::{self, CacheName, KernelName, MethodName, SmoothingName};
+use crate::output::Pattern;
+use crate::report::{Failure, Outcome, Report, counted, seconds};
+use crate::values::Background;
+use crate::{dry_run, input, metadata, plan, progress, render};
+use picture::Renderer;
+use values::Rgb;
+
+/// Whether the file is a scene, which says what is to be rendered.
+pub(crate) fn is_scene(files: &[PathBuf]) -> bool {
+    files.iter().any(|file| file.extension().is_some_and(|it| it.eq_ignore_ascii_case("toml")))
+}
+
+/// Renders what the command line asks for.
+pub(crate) fn run(args: &args::Render, report: &Report) -> Outcome<()> {
+    if args.method.dry_run {
+        let text = "--dry-run is for spheres — for a medium, --verbose says what each stage takes";
+        return Err(Failure::Usage(text.into()));
+    }
+    write::check(&Pattern::new(&args.picture.output).name(0)).map_err(Failure::Output)?;
+    if is_scene(&args.input.files) {
+        return scene_file::run(args, report);
+    }
+    let job = Job { args, report };
+    job.check()?;
+    let sequence = input::open(&args.input)?;
+    let pattern = Pattern::new(&args.picture.output);
+    let pictures = plan::pictures(args, &pattern, sequence.len(), report)?;
+    let mut kept: Option<Kept> = None;
+    let mut left = &pictures[..];
+    while let Some(first) = left.first() {
+        // Pictures of one frame follow each other: its density and its light are found once.
+        let same = left.iter().take_while(|it| it.frame == first.frame).count();
+        let (now, later) = left.split_at(same);
+        left = later;
+        let frame = input::read(&sequence, first.frame, &args.input, report)?;
+        let density = job.density(&frame.particles)?;
+        let described = job.described(&frame.particles, &density);
+        let origin = frame.particles.positions().origin();
+        let (medium, scene) = job.scene(density.density, origin, kept.as_ref())?;
+        let mut guesses = described;
+        guesses.extend(scene.guesses.clone());
+        if kept.is_none() {
+            report.note(format_args!("tyndall: {}", guesses.join(" · ")));
+        }
+        let renderer = Renderer::new(&job, &medium, &scene)?;
+        for picture in now {
+            if args.frames.skip_existing && picture.path.exists() {
+                continue;
+            }
+            let start = Instant::now();
+            let camera = render::viewpoint(args)?.turned(&scene.camera, &scene.outline, picture.turn);
+            let settings = job.settings();
+            let options = write::ImageOptions {
+                bits: if args.picture.bits == "16" { 16 } else { 8 },
+                dpi: args.picture.dpi,
+                metadata: metadata::entries(
+                    &sequence,
+                    first.frame,
+                    frame.particles.time(),
+                    &tyndall::render::Settings {
+                        width: settings.width,
+                        height: settings.height,
+                        samples: settings.samples,
+                        seed: settings.seed,
+                    },
+                    &guesses,
+                ),
+                ..Default::default()
+            };
+            renderer.write(&job.view(&camera, origin)?, &picture.path, options)?;
+            report.note(format_args!(
+                "{}  {}",
+                picture.path.display(),
+                seconds(start.elapsed().as_secs_f64())
+            ));
+            if progress::stopped() {
+                return Err(Error::Interrupted.into());
+            }
+        }
+        kept.get_or_insert(Kept { scene });
+    }
+    Ok(())
+}
+
+/// What is guessed on the first frame and kept.
+struct Kept {
+    scene: Scene,
+}
+
+/// What lights the medium and looks at it.
+#[derive(Clone)]
+struct Scene {
+    extinction: [f32; 3],
+    lights: Vec<Light>,
+    noise: Option<NoiseSettings>,
+    camera: Camera,
+    outline: Outline,
+    /// What was chosen, piece by piece.
+    guesses: Vec<String>,
+}
+
+/// The command line.
+#[derive(Clone, Copy)]
+struct Job<'a> {
+    args: &'a args::Render,
+    report: &'a Report,
+}
+
+impl Job<'_> {
+    /// Refuses before the work what no medium can have.
+    fn check(&self) -> Outcome<()> {
+        let grid = Grid::from_dense(Vec3::ZERO, 1.0, [1; 3], &[1.0])?;
+        Medium::new(grid, self.optics(self.args.medium.extinction.map_or([0.0; 3], |it| it.0))?)?;
+        for light in &self.args.medium.lights {
+            light.light(DVec3::ZERO)?;
+        }
+        self.noise(1.0, DVec3::ZERO).map(Noise::new).transpose()?;
+        Ok(())
+    }
+
+    fn optics(&self, extinction: [f32; 3]) -> Outcome<Optics> {
+        let args = &self.args.medium;
+        Ok(Optics { extinction, albedo: args.albedo.0, phase: Phase::new(args.phase_g)? })
+    }
+
+    fn settings(&self) -> march::Settings {
+        let args::Picture { size, samples, seed, .. } = &self.args.picture;
+        march::Settings {
+            width: size.width,
+            height: size.height,
+            samples: samples.unwrap_or(march::Settings::default().samples),
+            seed: *seed,
+            step: self.args.medium.step,
+        }
+    }
+
+    fn background(&self) -> Background {
+        let args::Picture { background, alpha, .. } = &self.args.picture;
+        if *alpha { Background::Nothing } else { background.unwrap_or(Background::Color([0.0; 3])) }
+    }
+
+    fn view(&self, camera: &Camera, origin: DVec3) -> Outcome<View> {
+        let march::Settings { width, height, .. } = self.settings();
+        Ok(camera.view(origin, width, height)?)
+    }
+
+    /// From particles to their density.
+    fn density(&self, particles: &Particles) -> Outcome<Volume> {
+        let args = &self.args.medium;
+        let resolution = match (args.voxel, args.grid) {
+            (Some(spacing), _) => Resolution::Voxel(spacing),
+            (None, Some(samples)) => Resolution::Samples(samples),
+            (None, None) => Resolution::Automatic,
+        };
+        let settings = density::Settings {
+            smoothing: match args.smoothing {
+                SmoothingName::Uniform => Smoothing::Uniform,
+                SmoothingName::TwoPass => Smoothing::TwoPass,
+                SmoothingName::ThreePass => Smoothing::ThreePass,
+                SmoothingName::Exact => Smoothing::Exact,
+                SmoothingName::Scatter => Smoothing::Scatter,
+            },
+            kernel: match args.kernel {
+                KernelName::Cubic => Kernel::CubicSpline,
+                KernelName::Wendland => Kernel::WendlandC2,
+                KernelName::Poly6 => Kernel::Poly6,
+            },
+            length: args.h0,
+            neighbors: args.neighbors,
+            weight: match args.weight.as_deref() {
+                None => Weight::Automatic,
+                Some("one") => Weight::One,
+                Some(name) => Weight::Attribute(name.into()),
+            },
+            resolution,
+            memory_bytes: dry_run::available_bytes(),
+            ..density::Settings::default()
+        };
+        let start = Instant::now();
+        let volume = density::estimate(particles, &settings, self.report.progress())?;
+        self.report.detail(format_args!("density: {}", seconds(start.elapsed().as_secs_f64())));
+        let statistics = &volume.statistics;
+        for (name, used) in [("with any particle", statistics.touched), ("with N* or more", statistics.full)] {
+            if used.samples() > 0 {
+                self.report.detail(format_args!(
+                    "particles used by grid points {name} within h0: {:.1} ± {:.1} (ratio {:.2}), {}",
+                    used.mean(),
+                    used.deviation(),
+                    used.ratio(),
+                    counted(used.samples() as usize, "point")
+                ));
+            }
+        }
+        volume.notes.iter().for_each(|note| self.report.detail(note));
+        Ok(volume)
+    }
+
+    fn described(&self, particles: &Particles, volume: &Volume) -> Vec<String> {
+        let args = &self.args.medium;
+        let mut smoothing = name(args.smoothing);
+        if let Some(length) = volume.length {
+            smoothing += &format!(" h0 {}", short(length.into()));
+        }
+        smoothing += &format!(", N* {}, {} kernel", args.neighbors, name(args.kernel));
+        vec![
+            format!("medium, cpu {} threads", rayon::current_num_threads()),
+            counted(particles.len(), "particle"),
+            smoothing,
+        ]
+    }
+
+    /// What of the medium and its light is not said, guessed.
+    fn scene(&self, grid: Grid, origin: DVec3, kept: Option<&Kept>) -> Outcome<(Medium, Scene)> {
+        let args = &self.args.medium;
+        if grid.max() <= 0.0 {
+            let text = "the density is 0 everywhere — do the particles weigh anything? (--weight one)";
+            return Err(Failure::Unseen(text.into()));
+        }
+        if let Some(Kept { scene }) = kept {
+            return Ok((Medium::new(grid, self.optics(scene.extinction)?)?, scene.clone()));
+        }
+        let (extinction, text) = match args.extinction {
+            Some(Rgb(extinction)) => (extinction, format!("extinction {} given", shown(extinction))),
+            None => {
+                let extinction = automatic::extinction(&grid, automatic::THICKNESS);
+                let thickness = short(automatic::THICKNESS.into());
+                let text = format!("extinction {}: the median column is {thickness} thick", short(extinction.into()));
+                ([extinction; 3], text)
+            }
+        };
+        let [x, y, z] = grid.size();
+        let [stored, all] = grid.stored_bricks();
+        let mut guesses = vec![
+            format!("grid {x}x{y}x{z}, spacing {}, {stored} of {all} bricks", short(grid.spacing().into())),
+            text,
+            format!("albedo {}, g {}", shown(args.albedo.0), args.phase_g),
+        ];
+        let medium = Medium::new(grid, self.optics(extinction)?)?;
+
+        let viewpoint = render::viewpoint(self.args)?;
+        let outline = Outline::of_box(&medium.bounds(), origin);
+        let march::Settings { width, height, samples, .. } = self.settings();
+        let camera = viewpoint.camera(&outline, f64::from(width) / f64::from(height));
+        let view = self.view(&camera, origin)?;
+        let lights = if args.lights.is_empty() {
+            guesses.push("lit by a sun from the upper left and a sky".into());
+            default_lights(&view)?
+        } else {
+            args.lights.iter().map(|light| light.light(origin)).collect::<tyndall::Result<_>>()?
+        };
+        let noise = self.noise(medium.bounds().extent().max_element(), origin);
+        if let Some(noise) = &noise {
+            guesses.push(format!("noise {} octaves, scale {}", noise.octaves, short(noise.scale.into())));
+        }
+        guesses.push(match (args.method, args.cache) {
+            (MethodName::Reference, _) => "path tracer".into(),
+            (_, CacheName::Sweeps) => "cache by sweeps".into(),
+            (_, CacheName::Photons) => "cache from photons".into(),
+            (_, CacheName::Off) => "no cache".into(),
+        });
+        let framing = if viewpoint.eye.is_some() { "camera given" } else { "framed on the medium" };
+        guesses.extend([framing.into(), format!("{width}x{height}, {samples} samples")]);
+        let scene = Scene { extinction, lights, noise, camera, outline, guesses };
+        Ok((medium, scene))
+    }
+
+    /// The noise that is asked for, in a medium of that size.
+    fn noise(&self, extent: f32, origin: DVec3) -> Option<NoiseSettings> {
+        let args = &self.args.medium;
+        let octaves = args.noise.or(args.density_noise)?.octaves;
+        Some(NoiseSettings {
+            position: args.noise.map_or(0.0, |it| it.amplitude),
+            density: args.density_noise.map_or(0.0, |it| it.amplitude),
+            octaves,
+            scale: args.noise_scale.unwrap_or(extent / NOISE_CELLS),
+            // Noise belongs to the coordinates of the file, wherever its particles are.
+            anchor: (-origin).as_vec3(),
+            seed: self.args.picture.seed,
+        })
+    }
+}
+
+/// Cells of the noise along the longest side of a medium, where nobody says.
+const NOISE_CELLS: f32 = 30.0;
+
+/// How the command line calls a value.
+fn name(value: impl ValueEnum) -> String {
+    value.to_possible_value().map_or(String::new(), |it| it.get_name().to_string())
+}
+
+/// One number where all are equal.
+fn shown(rgb: [f32; 3]) -> String {
+    let [r, g, b] = rgb.map(|it| short(it.into()));
+    if r == g && g == b { r } else { format!("{r},{g},{b}") }
+}
+
+/// A warm sun from the upper left, a little behind the medium, and a cool sky.
+fn default_lights(view: &View) -> Outcome<Vec<Light>> {
+    let toward = 0.9 * view.up - 0.75 * view.right + 0.25 * view.forward;
+    let sun = Directional::new(-toward, [7.0, 6.6, 6.0])?;
+    let sky = Environment::constant([0.16, 0.21, 0.28])?;
+    Ok(vec![Light::Directional(sun), Light::Environment(sky)])
+}

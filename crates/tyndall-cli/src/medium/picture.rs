@@ -1,0 +1,167 @@
+//! One medium in its light, pictured from as many sides as one likes: the light is found once.
+
+use std::path::Path;
+use std::time::Instant;
+
+use tyndall::Image;
+use tyndall::medium::{Medium, Noise};
+use tyndall::render::medium::brute::BruteForce;
+use tyndall::render::medium::cache::{self, Cache, Multiple};
+use tyndall::render::medium::gather::PhotonMap;
+use tyndall::render::medium::march::{self, Illumination, March, Pixel};
+use tyndall::render::medium::photons::{self, Photons, Stored};
+use tyndall::render::medium::reference::{self, Reference};
+use tyndall::render::medium::{Backdrop, picture, show};
+use tyndall::scene::camera::View;
+use tyndall_io::write::{self, ImageOptions};
+
+use super::{Job, Scene};
+use crate::args::{CacheName, MethodName, Shown};
+use crate::report::{Failure, Outcome, bytes, counted, seconds};
+use crate::values::Background;
+
+/// A medium in its light.
+pub(super) struct Renderer<'a> {
+    job: &'a Job<'a>,
+    medium: &'a Medium,
+    scene: &'a Scene,
+    noise: Option<Noise>,
+    light: Found<'a>,
+}
+
+/// Light, as far as it is found before the picture.
+enum Found<'a> {
+    Nothing,
+    Photons(Photons),
+    Cache(Cache),
+    BruteForce(BruteForce<'a>),
+}
+
+impl<'a> Renderer<'a> {
+    /// Lights the medium.
+    pub(super) fn new(job: &'a Job<'a>, medium: &'a Medium, scene: &'a Scene) -> Outcome<Self> {
+        let noise = scene.noise.map(Noise::new).transpose()?;
+        let start = Instant::now();
+        let args = &job.args.medium;
+        let light = match (args.show, args.method, args.cache) {
+            (Shown::Density, ..) | (Shown::Light, MethodName::Reference, _) => Found::Nothing,
+            (Shown::Photons, ..) => Found::Photons(Self::photons(job, medium, scene, Stored::All)?),
+            (_, _, CacheName::Off) => {
+                let photons = Self::photons(job, medium, scene, Stored::Multiple)?;
+                let map = PhotonMap::new(medium, &photons, args.gather_radius.0)?;
+                Found::BruteForce(BruteForce::new(medium, &scene.lights, map))
+            }
+            (_, _, name) => {
+                let multiple = match name {
+                    CacheName::Photons => {
+                        Multiple::Photons(Self::photon_settings(job, Stored::Multiple), args.gather_radius.0)
+                    }
+                    _ => Multiple::Sweeps,
+                };
+                let settings = cache::Settings { spacing: args.cache_voxel, multiple, ..cache::Settings::default() };
+                let cache = Cache::new(medium, &scene.lights, &settings, job.report.progress())?;
+                job.report.detail(format_args!("cache: {}", bytes(cache.bytes())));
+                Found::Cache(cache)
+            }
+        };
+        job.report.detail(format_args!("light: {}", seconds(start.elapsed().as_secs_f64())));
+        Ok(Self { job, medium, scene, noise, light })
+    }
+
+    fn photon_settings(job: &Job, stored: Stored) -> photons::Settings {
+        let args = &job.args.medium;
+        photons::Settings {
+            count: args.photons,
+            seed: job.args.picture.seed,
+            free_path: args.free_path,
+            stored,
+        }
+    }
+
+    fn photons(job: &Job, medium: &Medium, scene: &Scene, stored: Stored) -> Outcome<Photons> {
+        let start = Instant::now();
+        let settings = Self::photon_settings(job, stored);
+        let photons = photons::trace(medium, &scene.lights, &settings, job.report.progress())?;
+        job.report.detail(format_args!(
+            "photons: {} emitted, {} stored, {}",
+            counted(photons.emitted as usize, "photon"),
+            counted(photons.stored.len(), "scattering"),
+            seconds(start.elapsed().as_secs_f64())
+        ));
+        Ok(photons)
+    }
+
+    /// Makes a picture and writes it.
+    pub(super) fn write(&self, view: &View, path: &Path, mut options: ImageOptions) -> Outcome<()> {
+        let start = Instant::now();
+        let (image, pixels) = self.image(view)?;
+        self.job.report.detail(format_args!("picture: {}", seconds(start.elapsed().as_secs_f64())));
+        let layer = |name: &str, channel: usize| {
+            let values = pixels.iter().map(|pixel| pixel.transmittance[channel]).collect();
+            (format!("transmittance.{name}"), values)
+        };
+        options.channels = vec![layer("R", 0), layer("G", 1), layer("B", 2)];
+        write::image(path, &image, &options).map_err(Failure::Output)
+    }
+
+    fn image(&self, view: &View) -> Outcome<(Image, Vec<Pixel>)> {
+        let settings = self.job.settings();
+        let march::Settings { width, height, .. } = settings;
+        let pixels = match &self.light {
+            Found::Photons(photons) => show::photons(&photons.stored, view, width, height),
+            Found::Nothing if self.job.args.medium.show == Shown::Density => {
+                show::density(self.medium, view, width, height)
+            }
+            Found::Nothing => self.reference(view)?,
+            Found::Cache(cache) => self.march(view, Illumination::Cached(cache))?,
+            Found::BruteForce(brute) => self.march(view, Illumination::BruteForce(brute))?,
+        };
+        if pixels.iter().all(|pixel| pixel.transmittance == tyndall::Vec3::ONE) {
+            let text = "nothing of the medium is in the picture — where does the camera look? (--look-at, --eye)";
+            return Err(Failure::Unseen(text.into()));
+        }
+        let backdrop = match self.job.background() {
+            Background::Nothing => Backdrop::Nothing,
+            Background::Color(color) => Backdrop::Color(color),
+            Background::Sky => Backdrop::Lights,
+        };
+        let exposure = match self.job.args.medium.show {
+            Shown::Light => self.job.args.medium.exposure.exp2(),
+            _ => 1.0,
+        };
+        Ok((picture(&pixels, width, backdrop, exposure), pixels))
+    }
+
+    fn march(&self, view: &View, light: Illumination) -> Outcome<Vec<Pixel>> {
+        let settings = self.job.settings();
+        let mut march = March::new(self.medium, light, &self.scene.lights, *view, settings)?;
+        if let Some(noise) = &self.noise {
+            march = march.with_noise(noise);
+        }
+        let progress = self.job.report.progress();
+        tyndall::Progress::begin(progress, "march", Some(work(&settings)), "samples");
+        while !march.is_done() {
+            march.pass(progress)?;
+        }
+        Ok(march.pixels())
+    }
+
+    fn reference(&self, view: &View) -> Outcome<Vec<Pixel>> {
+        let settings = self.job.settings();
+        let march::Settings { width, height, samples, seed, .. } = settings;
+        let free_path = self.job.args.medium.free_path;
+        let of_reference = reference::Settings { width, height, seed, orders: None, free_path };
+        let mut reference = Reference::new(self.medium, &self.scene.lights, *view, of_reference)?;
+        let progress = self.job.report.progress();
+        tyndall::Progress::begin(progress, "trace", Some(work(&settings)), "samples");
+        while reference.samples_done() < samples {
+            reference.pass((samples - reference.samples_done()).min(16), progress)?;
+        }
+        Ok(reference.pixels().into_iter().map(Pixel::from).collect())
+    }
+}
+
+/// Samples of a whole picture.
+fn work(settings: &march::Settings) -> u64 {
+    u64::from(settings.width) * u64::from(settings.height) * u64::from(settings.samples)
+}

@@ -1,0 +1,148 @@
+//! Values of the command line that only a medium has: how each is written, and what is allowed.
+
+use std::str::FromStr;
+
+use tyndall::medium::Light;
+use tyndall::medium::light::{Directional, Environment, Point};
+use tyndall::render::medium::gather::Radius;
+use tyndall::{Error, Result, Vec3};
+
+/// Reads a number above 0.
+pub(crate) fn positive(text: &str) -> Result<f32> {
+    let number = text.parse().ok().filter(|it: &f32| it.is_finite() && *it > 0.0);
+    number.ok_or_else(|| Error::setting("a length or factor", text, "a number greater than 0"))
+}
+
+/// One number for all channels, or three.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Rgb(pub(crate) [f32; 3]);
+
+impl FromStr for Rgb {
+    type Err = Error;
+
+    fn from_str(text: &str) -> Result<Self> {
+        numbers(text).ok_or_else(|| Error::setting("a color", text, "one number, or three as R,G,B")).map(Self)
+    }
+}
+
+/// `X` or `X,Y,Z`; what they may be is for the library to say.
+fn numbers(text: &str) -> Option<[f32; 3]> {
+    let numbers: Option<Vec<f32>> = text.split(',').map(|part| part.trim().parse().ok()).collect();
+    match numbers?[..] {
+        [all] => Some([all; 3]),
+        [x, y, z] => Some([x, y, z]),
+        _ => None,
+    }
+}
+
+/// An amplitude and a number of octaves, as `0.6@3` or `0.6@3oct`; one octave if none is said.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct NoiseAmount {
+    pub(crate) amplitude: f32,
+    pub(crate) octaves: u32,
+}
+
+impl FromStr for NoiseAmount {
+    type Err = Error;
+
+    fn from_str(text: &str) -> Result<Self> {
+        let (amplitude, octaves) = text.split_once('@').unwrap_or((text, "1"));
+        let octaves = octaves.strip_suffix("oct").unwrap_or(octaves).parse();
+        match (amplitude.parse(), octaves) {
+            (Ok(amplitude), Ok(octaves)) => Ok(Self { amplitude, octaves }),
+            _ => Err(Error::setting("noise", text, "AMPLITUDE@OCTAVES, such as 0.6@3")),
+        }
+    }
+}
+
+/// Within which radius photons count: `auto`, `R` or `N@R`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Gather(pub(crate) Radius);
+
+impl FromStr for Gather {
+    type Err = Error;
+
+    fn from_str(text: &str) -> Result<Self> {
+        let wanted = || Error::setting("--gather-radius", text, "auto, a radius, or N@RADIUS for the nearest N");
+        let radius = |text: &str| positive(text).map_err(|_| wanted());
+        match text.split_once('@') {
+            _ if text == "auto" => Ok(Self(Radius::Automatic)),
+            None => Ok(Self(Radius::Fixed(radius(text)?))),
+            Some((count, most)) => {
+                let count = count.parse().ok().filter(|&count| count > 0).ok_or_else(wanted)?;
+                Ok(Self(Radius::Nearest(count, radius(most)?)))
+            }
+        }
+    }
+}
+
+/// A light: `sun:X,Y,Z:E`, `point:X,Y,Z:I` or `sky:L`. Positions are in the file's coordinates.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum LightSpec {
+    /// Where it travels, and its irradiance.
+    Sun([f32; 3], [f32; 3]),
+    /// Where it is, and its intensity.
+    Point([f32; 3], [f32; 3]),
+    /// Its radiance.
+    Sky([f32; 3]),
+}
+
+impl FromStr for LightSpec {
+    type Err = Error;
+
+    fn from_str(text: &str) -> Result<Self> {
+        let parts: Vec<&str> = text.split(':').collect();
+        let number = |place: usize| parts.get(place).copied().and_then(numbers);
+        let spec = match (parts[0], parts.len()) {
+            ("sun", 2) => number(1).map(|along| Self::Sun(along, [std::f32::consts::PI; 3])),
+            ("sun", 3) => number(1).zip(number(2)).map(|(along, light)| Self::Sun(along, light)),
+            ("point", 3) => number(1).zip(number(2)).map(|(at, light)| Self::Point(at, light)),
+            ("sky", 2) => number(1).map(Self::Sky),
+            _ => None,
+        };
+        spec.ok_or_else(|| {
+            Error::setting("--light", text, "sun:X,Y,Z:IRRADIANCE, point:X,Y,Z:INTENSITY or sky:RADIANCE")
+        })
+    }
+}
+
+impl LightSpec {
+    /// The light, for positions measured from `origin`.
+    pub(crate) fn light(self, origin: tyndall::DVec3) -> Result<Light> {
+        Ok(match self {
+            Self::Sun(along, light) => Light::Directional(Directional::new(Vec3::from(along), light)?),
+            Self::Point(at, light) => {
+                let at = Vec3::from(at).as_dvec3() - origin;
+                Light::Point(Point::new(at.as_vec3(), light)?)
+            }
+            Self::Sky(light) => Light::Environment(Environment::constant(light)?),
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn values_are_read_as_they_are_written() {
+        assert_eq!("0.5".parse::<Rgb>().unwrap(), Rgb([0.5; 3]));
+        assert_eq!("1,2,3".parse::<Rgb>().unwrap(), Rgb([1.0, 2.0, 3.0]));
+        assert_eq!("0.6@3oct".parse::<NoiseAmount>().unwrap(), NoiseAmount { amplitude: 0.6, octaves: 3 });
+        assert_eq!("1".parse::<NoiseAmount>().unwrap(), NoiseAmount { amplitude: 1.0, octaves: 1 });
+        assert_eq!("50@1.5".parse::<Gather>().unwrap(), Gather(Radius::Nearest(50, 1.5)));
+        assert_eq!("auto".parse::<Gather>().unwrap(), Gather(Radius::Automatic));
+        assert_eq!("sky:0.25".parse::<LightSpec>().unwrap(), LightSpec::Sky([0.25; 3]));
+        let sun = LightSpec::Sun([0.0, -1.0, 0.0], [3.0, 2.0, 1.0]);
+        assert_eq!("sun:0,-1,0:3,2,1".parse::<LightSpec>().unwrap(), sun);
+    }
+
+    #[test]
+    fn what_makes_no_sense_is_refused() {
+        assert!(["", "1,2", "x", "1,2,3,4"].iter().all(|bad| bad.parse::<Rgb>().is_err()));
+        assert!(["", "a@2", "1@", "1@-2"].iter().all(|bad| bad.parse::<NoiseAmount>().is_err()));
+        assert!(["0", "-1", "0@1", "5@0", "x"].iter().all(|bad| bad.parse::<Gather>().is_err()));
+        assert!(["sun", "moon:1", "sky:1:2", "point:1,2,3"].iter().all(|bad| bad.parse::<LightSpec>().is_err()));
+        assert!(["0", "nan", "-1"].iter().all(|bad| positive(bad).is_err()));
+    }
+}
