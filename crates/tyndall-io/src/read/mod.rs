@@ -5,6 +5,7 @@
 
 mod bgeo;
 mod column;
+mod density;
 mod feed;
 mod lammps;
 mod map;
@@ -27,6 +28,7 @@ use std::path::Path;
 use tyndall::{Columns, Error, Particles, Progress, Result};
 
 use crate::sequence::{Frame, Options};
+pub use density::{RawGrid, Sample, density};
 pub(crate) use feed::Feed;
 pub(crate) use map::map;
 pub(crate) use unpack::Packing;
