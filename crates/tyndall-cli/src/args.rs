@@ -204,6 +204,9 @@ pub(crate) struct CameraArgs {
     /// Vertical angle of view, in degrees [default: 35]
     #[arg(long, value_name = "DEGREES", conflicts_with = "ortho", allow_hyphen_values = true)]
     pub(crate) fov: Option<Degrees>,
+    /// Horizontal angle of view, in degrees
+    #[arg(long, value_name = "DEGREES", conflicts_with_all = ["ortho", "fov"], allow_hyphen_values = true)]
+    pub(crate) horizontal_fov: Option<Degrees>,
     /// Parallel rays; the height of what the picture shows, or auto
     #[arg(long, value_name = "HEIGHT", allow_hyphen_values = true)]
     pub(crate) ortho: Option<Ortho>,

@@ -15,20 +15,31 @@ pub(crate) fn entries(
     settings: &Settings,
     guesses: &[String],
 ) -> Vec<(String, String)> {
-    let inputs: Vec<String> = sequence.paths().iter().map(|path| input(path)).collect();
+    let paths: Vec<&Path> = sequence.paths().iter().map(|path| path.as_ref()).collect();
+    let mut entries = common(&paths, settings, guesses);
+    entries.push(("Frame".into(), format!("{frame} of {} ({})", sequence.len(), sequence.name(frame))));
+    if let Some(time) = time {
+        entries.push(("Time".into(), time.to_string()));
+    }
+    entries
+}
+
+/// Keys and texts of the picture of a scene without particles.
+pub(crate) fn of_scene(path: &Path, settings: &Settings, guesses: &[String]) -> Vec<(String, String)> {
+    common(&[path], settings, guesses)
+}
+
+fn common(paths: &[&Path], settings: &Settings, guesses: &[String]) -> Vec<(String, String)> {
+    let inputs: Vec<String> = paths.iter().map(|path| input(path)).collect();
     let Settings { width, height, samples, seed } = settings;
-    let mut entries = vec![
+    let entries = [
         ("Software", format!("Tyndall {}", env!("CARGO_PKG_VERSION"))),
         ("Command", command_line()),
         ("Inputs", inputs.join("\n")),
-        ("Frame", format!("{frame} of {} ({})", sequence.len(), sequence.name(frame))),
         ("Seed", seed.to_string()),
         ("Settings", format!("{width}x{height} pixels, {samples} samples, seed {seed}")),
         ("Guesses", guesses.join("\n")),
     ];
-    if let Some(time) = time {
-        entries.push(("Time", time.to_string()));
-    }
     entries.into_iter().map(|(key, text)| (key.to_string(), text)).collect()
 }
 

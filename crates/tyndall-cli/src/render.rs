@@ -30,7 +30,10 @@ use crate::{dry_run, input, medium, metadata, progress};
 
 /// Renders what the command line asks for.
 pub(crate) fn run(args: &args::Render, report: &Report) -> Outcome<()> {
-    if args.method.mode == Mode::Medium || medium::is_scene(&args.input.files) {
+    if let Some(scene) = medium::scene_of(args) {
+        return medium::run_scene(scene, report);
+    }
+    if args.method.mode == Mode::Medium {
         return medium::run(args, report);
     }
     let job = Job::new(args, report)?;
@@ -327,13 +330,18 @@ impl<'a> Job<'a> {
 /// What the command line says about the camera.
 pub(crate) fn viewpoint(args: &args::Render) -> Outcome<Viewpoint> {
     let camera = &args.camera;
-    let lens = match (camera.ortho, camera.fov) {
-        (Some(ortho), _) => Lens::Orthographic { height: ortho.0 },
-        (None, Some(Degrees(fov))) if !(fov > 0.0 && fov < 180.0) => {
-            return Err(Error::setting("--fov", fov, "between 0 and 180 degrees").into());
+    let aspect = f64::from(args.picture.size.width) / f64::from(args.picture.size.height);
+    let lens = match (camera.ortho, camera.fov, camera.horizontal_fov) {
+        (Some(ortho), ..) => Lens::Orthographic { height: ortho.0 },
+        (None, Some(Degrees(fov)), _) | (None, None, Some(Degrees(fov))) if !(fov > 0.0 && fov < 180.0) => {
+            let name = if camera.fov.is_some() { "--fov" } else { "--horizontal-fov" };
+            return Err(Error::setting(name, fov, "between 0 and 180 degrees").into());
         }
-        (None, Some(Degrees(fov))) => Lens::Perspective { vertical_angle: fov.to_radians() },
-        (None, None) => Lens::Perspective { vertical_angle: VERTICAL_ANGLE },
+        (None, Some(Degrees(fov)), _) => Lens::Perspective { vertical_angle: fov.to_radians() },
+        (None, None, Some(Degrees(fov))) => {
+            Lens::Perspective { vertical_angle: 2.0 * ((0.5 * fov.to_radians()).tan() / aspect).atan() }
+        }
+        (None, None, None) => Lens::Perspective { vertical_angle: VERTICAL_ANGLE },
     };
     let motion = if args.frames.orbit.is_some() { Motion::Orbit } else { Motion::Still };
     let side = camera.view.unwrap_or_default();

@@ -7,18 +7,20 @@ mod picture;
 mod scene_file;
 pub(crate) mod values;
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use clap::ValueEnum;
 use tyndall::medium::density::{self, Resolution, Smoothing, Volume, Weight};
 use tyndall::medium::light::{Directional, Environment};
 use tyndall::medium::{Grid, Kernel, Light, Medium, Noise, NoiseSettings, Optics, Phase, automatic};
-use tyndall::particles::Particles;
+use tyndall::particles::{Particles, Radii};
 use tyndall::render::medium::march;
+use tyndall::scene::automatic::{Outliers, framing_of};
 use tyndall::scene::camera::{Camera, View};
 use tyndall::scene::outline::Outline;
 use tyndall::scene::short;
+use tyndall::structure::Spheres;
 use tyndall::{DVec3, Error, Vec3};
 use tyndall_io::write;
 
@@ -28,91 +30,69 @@ use crate::report::{Failure, Outcome, Report, counted, seconds};
 use crate::values::Background;
 use crate::{dry_run, input, metadata, plan, progress, render};
 use picture::Renderer;
+use scene_file::SceneFile;
 use values::Rgb;
 
-/// Whether the file is a scene, which says what is to be rendered.
-pub(crate) fn is_scene(files: &[PathBuf]) -> bool {
-    files.iter().any(|file| file.extension().is_some_and(|it| it.eq_ignore_ascii_case("toml")))
+/// The scene file among the inputs, which says what is to be rendered.
+pub(crate) fn scene_of(args: &args::Render) -> Option<&Path> {
+    let is_scene = |file: &&PathBuf| file.extension().is_some_and(|it| it.eq_ignore_ascii_case("toml"));
+    args.input.files.iter().find(is_scene).map(PathBuf::as_path)
+}
+
+/// Renders what a scene file says.
+pub(crate) fn run_scene(path: &Path, report: &Report) -> Outcome<()> {
+    let scene = SceneFile::read(path, std::env::args_os())?;
+    let Some(density) = scene.density(report)? else { return render::run(&scene.args, report) };
+    let job = Job { args: &scene.args, report };
+    let pattern = job.start()?;
+    let pictures = plan::pictures(job.args, &pattern, 1, report)?;
+    let (medium, scene) = job.scene(density, None, None)?;
+    let mut guesses = vec![format!("medium, cpu {} threads", rayon::current_num_threads())];
+    guesses.extend(scene.guesses.clone());
+    report.note(format_args!("tyndall: {}", guesses.join(" · ")));
+    let metadata = metadata::of_scene(path, &job.spheres_settings(), &guesses);
+    let pictures: Vec<&plan::Picture> = pictures.iter().collect();
+    job.pictures(&medium, &scene, &pictures, &metadata)
 }
 
 /// Renders what the command line asks for.
 pub(crate) fn run(args: &args::Render, report: &Report) -> Outcome<()> {
-    if args.method.dry_run {
-        let text = "--dry-run is for spheres — for a medium, --verbose says what each stage takes";
-        return Err(Failure::Usage(text.into()));
-    }
-    write::check(&Pattern::new(&args.picture.output).name(0)).map_err(Failure::Output)?;
-    if is_scene(&args.input.files) {
-        return scene_file::run(args, report);
-    }
     let job = Job { args, report };
-    job.check()?;
+    let pattern = job.start()?;
     let sequence = input::open(&args.input)?;
-    let pattern = Pattern::new(&args.picture.output);
     let pictures = plan::pictures(args, &pattern, sequence.len(), report)?;
-    let mut kept: Option<Kept> = None;
+    let mut kept: Option<Scene> = None;
     let mut left = &pictures[..];
     while let Some(first) = left.first() {
         // Pictures of one frame follow each other: its density and its light are found once.
         let same = left.iter().take_while(|it| it.frame == first.frame).count();
         let (now, later) = left.split_at(same);
         left = later;
+        let wanted: Vec<&plan::Picture> =
+            now.iter().filter(|it| !(args.frames.skip_existing && it.path.exists())).collect();
+        // The first frame is read even if its pictures are there: what is guessed from it must not change.
+        if wanted.is_empty() && (kept.is_some() || left.is_empty()) {
+            continue;
+        }
         let frame = input::read(&sequence, first.frame, &args.input, report)?;
         let density = job.density(&frame.particles)?;
-        let described = job.described(&frame.particles, &density);
-        let origin = frame.particles.positions().origin();
-        let (medium, scene) = job.scene(density.density, origin, kept.as_ref())?;
-        let mut guesses = described;
+        let mut guesses = job.described(&frame.particles, &density);
+        let (medium, scene) = job.scene(density.density, Some(&frame.particles), kept.as_ref())?;
         guesses.extend(scene.guesses.clone());
         if kept.is_none() {
             report.note(format_args!("tyndall: {}", guesses.join(" · ")));
         }
-        let renderer = Renderer::new(&job, &medium, &scene)?;
-        for picture in now {
-            if args.frames.skip_existing && picture.path.exists() {
-                continue;
-            }
-            let start = Instant::now();
-            let camera = render::viewpoint(args)?.turned(&scene.camera, &scene.outline, picture.turn);
-            let settings = job.settings();
-            let options = write::ImageOptions {
-                bits: if args.picture.bits == "16" { 16 } else { 8 },
-                dpi: args.picture.dpi,
-                metadata: metadata::entries(
-                    &sequence,
-                    first.frame,
-                    frame.particles.time(),
-                    &tyndall::render::Settings {
-                        width: settings.width,
-                        height: settings.height,
-                        samples: settings.samples,
-                        seed: settings.seed,
-                    },
-                    &guesses,
-                ),
-                ..Default::default()
-            };
-            renderer.write(&job.view(&camera, origin)?, &picture.path, options)?;
-            report.note(format_args!(
-                "{}  {}",
-                picture.path.display(),
-                seconds(start.elapsed().as_secs_f64())
-            ));
-            if progress::stopped() {
-                return Err(Error::Interrupted.into());
-            }
+        let time = frame.particles.time();
+        let metadata = metadata::entries(&sequence, first.frame, time, &job.spheres_settings(), &guesses);
+        if !wanted.is_empty() {
+            job.pictures(&medium, &scene, &wanted, &metadata)?;
         }
-        kept.get_or_insert(Kept { scene });
+        kept.get_or_insert(scene);
     }
     Ok(())
 }
 
-/// What is guessed on the first frame and kept.
-struct Kept {
-    scene: Scene,
-}
-
-/// What lights the medium and looks at it.
+/// What lights the medium and looks at it: guessed on the first frame and kept.
 #[derive(Clone)]
 struct Scene {
     extinction: [f32; 3],
@@ -120,6 +100,8 @@ struct Scene {
     noise: Option<NoiseSettings>,
     camera: Camera,
     outline: Outline,
+    /// The particles' origin, from which the medium is measured.
+    origin: DVec3,
     /// What was chosen, piece by piece.
     guesses: Vec<String>,
 }
@@ -132,15 +114,57 @@ struct Job<'a> {
 }
 
 impl Job<'_> {
-    /// Refuses before the work what no medium can have.
-    fn check(&self) -> Outcome<()> {
+    /// Refuses before the work what cannot be; gives the pictures' names.
+    fn start(&self) -> Outcome<Pattern> {
+        if self.args.method.dry_run {
+            let text = "--dry-run is for spheres — for a medium, --verbose says what each stage takes";
+            return Err(Failure::Usage(text.into()));
+        }
+        let pattern = Pattern::new(&self.args.picture.output);
+        write::check(&pattern.name(0)).map_err(Failure::Output)?;
         let grid = Grid::from_dense(Vec3::ZERO, 1.0, [1; 3], &[1.0])?;
         Medium::new(grid, self.optics(self.args.medium.extinction.map_or([0.0; 3], |it| it.0))?)?;
         for light in &self.args.medium.lights {
             light.light(DVec3::ZERO)?;
         }
         self.noise(1.0, DVec3::ZERO).map(Noise::new).transpose()?;
+        Ok(pattern)
+    }
+
+    /// Lights the medium and makes pictures of it.
+    fn pictures(
+        &self,
+        medium: &Medium,
+        scene: &Scene,
+        pictures: &[&plan::Picture],
+        metadata: &[(String, String)],
+    ) -> Outcome<()> {
+        let start = Instant::now();
+        let renderer = Renderer::new(self, medium, scene)?;
+        for (place, picture) in pictures.iter().enumerate() {
+            let marching = Instant::now();
+            let camera = render::viewpoint(self.args)?.turned(&scene.camera, &scene.outline, picture.turn);
+            let options = write::ImageOptions {
+                bits: if self.args.picture.bits == "16" { 16 } else { 8 },
+                dpi: self.args.picture.dpi,
+                metadata: metadata.to_vec(),
+                ..write::ImageOptions::default()
+            };
+            renderer.write(&self.view(&camera, scene.origin)?, &picture.path, options)?;
+            let since = if place == 0 { start } else { marching };
+            let took = seconds(since.elapsed().as_secs_f64());
+            self.report.note(format_args!("{}  {took}", picture.path.display()));
+            if progress::stopped() {
+                return Err(Error::Interrupted.into());
+            }
+        }
         Ok(())
+    }
+
+    /// The settings that are written into the picture.
+    fn spheres_settings(&self) -> tyndall::render::Settings {
+        let march::Settings { width, height, samples, seed, .. } = self.settings();
+        tyndall::render::Settings { width, height, samples, seed }
     }
 
     fn optics(&self, extinction: [f32; 3]) -> Outcome<Optics> {
@@ -205,7 +229,8 @@ impl Job<'_> {
         let volume = density::estimate(particles, &settings, self.report.progress())?;
         self.report.detail(format_args!("density: {}", seconds(start.elapsed().as_secs_f64())));
         let statistics = &volume.statistics;
-        for (name, used) in [("with any particle", statistics.touched), ("with N* or more", statistics.full)] {
+        for (name, used) in [("with any particle", statistics.touched), ("with N* or more", statistics.full)]
+        {
             if used.samples() > 0 {
                 self.report.detail(format_args!(
                     "particles used by grid points {name} within h0: {:.1} ± {:.1} (ratio {:.2}), {}",
@@ -235,21 +260,31 @@ impl Job<'_> {
     }
 
     /// What of the medium and its light is not said, guessed.
-    fn scene(&self, grid: Grid, origin: DVec3, kept: Option<&Kept>) -> Outcome<(Medium, Scene)> {
+    fn scene(
+        &self,
+        grid: Grid,
+        particles: Option<&Particles>,
+        kept: Option<&Scene>,
+    ) -> Outcome<(Medium, Scene)> {
         let args = &self.args.medium;
+        let origin = particles.map_or(DVec3::ZERO, |it| it.positions().origin());
         if grid.max() <= 0.0 {
             let text = "the density is 0 everywhere — do the particles weigh anything? (--weight one)";
             return Err(Failure::Unseen(text.into()));
         }
-        if let Some(Kept { scene }) = kept {
-            return Ok((Medium::new(grid, self.optics(scene.extinction)?)?, scene.clone()));
+        if let Some(scene) = kept {
+            let scene = Scene { origin, ..scene.clone() };
+            return Ok((Medium::new(grid, self.optics(scene.extinction)?)?, scene));
         }
         let (extinction, text) = match args.extinction {
             Some(Rgb(extinction)) => (extinction, format!("extinction {} given", shown(extinction))),
             None => {
                 let extinction = automatic::extinction(&grid, automatic::THICKNESS);
                 let thickness = short(automatic::THICKNESS.into());
-                let text = format!("extinction {}: the median column is {thickness} thick", short(extinction.into()));
+                let text = format!(
+                    "extinction {}: the median column is {thickness} thick",
+                    short(extinction.into())
+                );
                 ([extinction; 3], text)
             }
         };
@@ -263,7 +298,7 @@ impl Job<'_> {
         let medium = Medium::new(grid, self.optics(extinction)?)?;
 
         let viewpoint = render::viewpoint(self.args)?;
-        let outline = Outline::of_box(&medium.bounds(), origin);
+        let (outline, framed) = self.outline(&medium, particles);
         let march::Settings { width, height, samples, .. } = self.settings();
         let camera = viewpoint.camera(&outline, f64::from(width) / f64::from(height));
         let view = self.view(&camera, origin)?;
@@ -283,10 +318,22 @@ impl Job<'_> {
             (_, CacheName::Photons) => "cache from photons".into(),
             (_, CacheName::Off) => "no cache".into(),
         });
-        let framing = if viewpoint.eye.is_some() { "camera given" } else { "framed on the medium" };
-        guesses.extend([framing.into(), format!("{width}x{height}, {samples} samples")]);
-        let scene = Scene { extinction, lights, noise, camera, outline, guesses };
+        let framing = if viewpoint.eye.is_some() { "camera given".into() } else { framed };
+        guesses.extend([framing, format!("{width}x{height}, {samples} samples")]);
+        let scene = Scene { extinction, lights, noise, camera, outline, origin, guesses };
         Ok((medium, scene))
+    }
+
+    /// What the camera shows, and how it was found: the particles without far outliers, each as wide as a few grid points.
+    fn outline(&self, medium: &Medium, particles: Option<&Particles>) -> (Outline, String) {
+        let Some(particles) = particles else {
+            return (Outline::of_box(&medium.bounds(), DVec3::ZERO), "framed on the medium".into());
+        };
+        let radii = Radii::Uniform(2.0 * medium.density().spacing());
+        let spheres = Spheres { particles, radii: &radii, radius_scale: 1.0 };
+        let outliers = if self.args.camera.frame_all { Outliers::Shown } else { Outliers::Left };
+        let framing = framing_of(spheres, outliers);
+        (Outline::of(spheres, &framing), framing.description)
     }
 
     /// The noise that is asked for, in a medium of that size.

@@ -58,7 +58,8 @@ impl<'a> Renderer<'a> {
                     }
                     _ => Multiple::Sweeps,
                 };
-                let settings = cache::Settings { spacing: args.cache_voxel, multiple, ..cache::Settings::default() };
+                let settings =
+                    cache::Settings { spacing: args.cache_voxel, multiple, ..cache::Settings::default() };
                 let cache = Cache::new(medium, &scene.lights, &settings, job.report.progress())?;
                 job.report.detail(format_args!("cache: {}", bytes(cache.bytes())));
                 Found::Cache(cache)
@@ -117,7 +118,8 @@ impl<'a> Renderer<'a> {
             Found::BruteForce(brute) => self.march(view, Illumination::BruteForce(brute))?,
         };
         if pixels.iter().all(|pixel| pixel.transmittance == tyndall::Vec3::ONE) {
-            let text = "nothing of the medium is in the picture — where does the camera look? (--look-at, --eye)";
+            let text =
+                "nothing of the medium is in the picture — where does the camera look? (--look-at, --eye)";
             return Err(Failure::Unseen(text.into()));
         }
         let backdrop = match self.job.background() {

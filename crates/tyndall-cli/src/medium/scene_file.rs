@@ -1,4 +1,188 @@
-//! Scene files.
-use crate::args;
-use crate::report::{Outcome, Report};
-pub(super) fn run(_args: &args::Render, _report: &Report) -> Outcome<()> { Ok(()) }
+//! Scene files: what the command line says, in TOML, with the same names; and a density grid in place of particles.
+//!
+//! Every table but `grid`, `particles` and `light` holds flags by their long names without dashes, such as `eye = [1, 2, 3]` for
+//! `--eye 1,2,3` (the tables' own names are for people). Each `[[light]]` has a kind, `sun`, `point` or `sky`, and what the flag
+//! `--light` says. `[grid]` names a raw file of samples, `[particles]` files of particles. What the command line says beside the
+//! scene's name counts before the scene. Paths are relative to the scene file.
+
+use std::ffi::OsString;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use clap::Parser;
+use serde::Deserialize;
+use toml::{Table, Value};
+use tyndall::medium::Grid;
+use tyndall::{Error, Vec3};
+use tyndall_io::read::{self, RawGrid, Sample};
+
+use crate::args::{self, Cli, Verb};
+use crate::report::{Failure, Outcome, Report};
+
+/// A scene, read.
+pub(super) struct SceneFile {
+    path: PathBuf,
+    /// The command line that says the same.
+    pub(super) args: args::Render,
+    /// The grid that takes the place of particles.
+    grid: Option<GridFile>,
+}
+
+/// The table `[grid]`.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct GridFile {
+    file: PathBuf,
+    size: [u32; 3],
+    #[serde(default = "u16_samples")]
+    sample: String,
+    #[serde(default = "one")]
+    scale: f64,
+    spacing: f32,
+    #[serde(default)]
+    origin: [f32; 3],
+}
+
+fn u16_samples() -> String {
+    "u16".into()
+}
+
+fn one() -> f64 {
+    1.0
+}
+
+impl SceneFile {
+    /// Reads a scene and joins it with the command line `words`, those of the whole process.
+    pub(super) fn read(path: &Path, words: impl Iterator<Item = OsString>) -> Outcome<Self> {
+        let bad = |what: String| {
+            let hint = "see examples/smoke.toml; flags have their long names without dashes";
+            Failure::from(Error::format(path, "", what, hint))
+        };
+        let text = fs::read_to_string(path).map_err(|error| Error::io(path, error))?;
+        let mut tables: Table = text.parse().map_err(|error: toml::de::Error| bad(error.to_string()))?;
+        let grid = tables.remove("grid").map(Value::try_into::<GridFile>).transpose();
+        let grid = grid.map_err(|error| bad(format!("[grid]: {}", error.message())))?;
+        let particles = tables.remove("particles").map(|table| files(&table)).transpose().map_err(bad)?;
+        let mut flags: Vec<OsString> = Vec::new();
+        for light in tables.remove("light").as_ref().and_then(Value::as_array).into_iter().flatten() {
+            flags.extend(["--light".into(), light_words(light).map_err(bad)?.into()]);
+        }
+        for (name, table) in &tables {
+            let table = table.as_table().ok_or_else(|| bad(format!("'{name}' is no table")))?;
+            for (key, value) in table {
+                flags.extend(flag(key, value).map_err(bad)?.into_iter().map(OsString::from));
+            }
+        }
+        if grid.is_some() && particles.is_some() {
+            return Err(bad("[grid] and [particles] exclude each other".into()));
+        }
+        // The scene's flags come first: of two the last counts.
+        let mut words: Vec<OsString> = words.collect();
+        let verb = words.iter().position(|word| word == "render").map_or(words.len(), |place| place + 1);
+        if let Some(files) = particles {
+            words.retain(|word| Path::new(word) != path);
+            let folder = path.parent().unwrap_or(Path::new("."));
+            let found = |file: String| {
+                if file.starts_with("synthetic:") { file.into() } else { folder.join(file).into() }
+            };
+            words.extend(files.into_iter().map(found));
+        } else if grid.is_none() {
+            return Err(bad("it has neither [grid] nor [particles]".into()));
+        }
+        words.splice(verb..verb, flags);
+        let cli = Cli::try_parse_from(words).map_err(|error| {
+            let text = error.to_string();
+            let line = text.lines().next().unwrap_or_default().trim_start_matches("error: ").to_string();
+            bad(line)
+        })?;
+        let Verb::Render(args) = cli.verb else { return Err(bad("only render takes a scene".into())) };
+        Ok(Self { path: path.to_path_buf(), args: *args, grid })
+    }
+
+    /// The density of `[grid]`; `None` if the scene has particles instead.
+    pub(super) fn density(&self, report: &Report) -> Outcome<Option<Grid>> {
+        let Some(grid) = &self.grid else { return Ok(None) };
+        let raw = RawGrid {
+            size: grid.size,
+            sample: Sample::named(&grid.sample)?,
+            scale: grid.scale,
+            origin: Vec3::from(grid.origin),
+            spacing: grid.spacing,
+        };
+        let file = self.path.parent().unwrap_or(Path::new(".")).join(&grid.file);
+        Ok(Some(read::density(&file, &raw, report.progress())?))
+    }
+}
+
+/// The files of `[particles]`.
+fn files(table: &Value) -> Result<Vec<String>, String> {
+    let list = table.get("files").and_then(Value::as_array).ok_or("[particles] needs files = [\"NAME\"]")?;
+    let name = |value: &Value| value.as_str().map(String::from).ok_or("a file's name is a text");
+    Ok(list.iter().map(name).collect::<Result<_, _>>()?)
+}
+
+/// What `--light` says, from a table.
+fn light_words(light: &Value) -> Result<String, String> {
+    let kind = light
+        .get("kind")
+        .and_then(Value::as_str)
+        .ok_or("[[light]] needs kind = \"sun\", \"point\" or \"sky\"")?;
+    let keys: &[&str] = match kind {
+        "sun" => &["along", "irradiance"],
+        "point" => &["position", "intensity"],
+        "sky" => &["radiance"],
+        _ => return Err(format!("no light is called '{kind}': sun, point or sky")),
+    };
+    let mut words = kind.to_string();
+    for key in keys {
+        let value = light.get(key).ok_or_else(|| format!("a light of kind {kind} needs '{key}'"))?;
+        words += &format!(":{}", word(value)?);
+    }
+    let unknown =
+        light.as_table().and_then(|it| it.keys().find(|key| *key != "kind" && !keys.contains(&key.as_str())));
+    unknown.map_or(Ok(words), |key| Err(format!("a light of kind {kind} has no '{key}'")))
+}
+
+/// A flag with its value; a switch has none.
+fn flag(key: &str, value: &Value) -> Result<Vec<String>, String> {
+    let name = format!("--{}", key.replace('_', "-"));
+    Ok(match value {
+        Value::Boolean(true) => vec![name],
+        Value::Boolean(false) => Vec::new(),
+        value => vec![format!("{name}={}", word(value)?)],
+    })
+}
+
+/// A value as the command line writes it.
+fn word(value: &Value) -> Result<String, String> {
+    match value {
+        Value::String(text) => Ok(text.clone()),
+        Value::Integer(number) => Ok(number.to_string()),
+        Value::Float(number) => Ok(number.to_string()),
+        Value::Array(values) => Ok(values.iter().map(word).collect::<Result<Vec<_>, _>>()?.join(",")),
+        other => Err(format!("a {} is no value of a flag", other.type_str())),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn tables_say_what_flags_say() {
+        let table: Table = "eye = [1, 2.5, -3]\nalpha = true\nlook_at = 'x'\nstrict = false".parse().unwrap();
+        let words: Vec<String> = table.iter().flat_map(|(key, value)| flag(key, value).unwrap()).collect();
+        assert_eq!(words, ["--eye=1,2.5,-3", "--alpha", "--look-at=x"]);
+        assert!(flag("eye", &Value::Table(Table::new())).is_err());
+    }
+
+    #[test]
+    fn lights_are_written_like_the_flag() {
+        let light = |text: &str| light_words(&Value::Table(text.parse().unwrap()));
+        assert_eq!(light("kind = 'sun'\nalong = [0, -1, 0]\nirradiance = 3.5").unwrap(), "sun:0,-1,0:3.5");
+        assert_eq!(light("kind = 'sky'\nradiance = [1, 2, 3]").unwrap(), "sky:1,2,3");
+        for bad in ["", "kind = 'moon'", "kind = 'sky'", "kind = 'sky'\nradiance = 1\ncolor = 2"] {
+            assert!(light(bad).is_err(), "{bad}");
+        }
+    }
+}

@@ -21,7 +21,9 @@ impl FromStr for Rgb {
     type Err = Error;
 
     fn from_str(text: &str) -> Result<Self> {
-        numbers(text).ok_or_else(|| Error::setting("a color", text, "one number, or three as R,G,B")).map(Self)
+        numbers(text)
+            .ok_or_else(|| Error::setting("a color", text, "one number, or three as R,G,B"))
+            .map(Self)
     }
 }
 
@@ -63,7 +65,8 @@ impl FromStr for Gather {
     type Err = Error;
 
     fn from_str(text: &str) -> Result<Self> {
-        let wanted = || Error::setting("--gather-radius", text, "auto, a radius, or N@RADIUS for the nearest N");
+        let wanted =
+            || Error::setting("--gather-radius", text, "auto, a radius, or N@RADIUS for the nearest N");
         let radius = |text: &str| positive(text).map_err(|_| wanted());
         match text.split_once('@') {
             _ if text == "auto" => Ok(Self(Radius::Automatic)),
@@ -142,7 +145,9 @@ mod tests {
         assert!(["", "1,2", "x", "1,2,3,4"].iter().all(|bad| bad.parse::<Rgb>().is_err()));
         assert!(["", "a@2", "1@", "1@-2"].iter().all(|bad| bad.parse::<NoiseAmount>().is_err()));
         assert!(["0", "-1", "0@1", "5@0", "x"].iter().all(|bad| bad.parse::<Gather>().is_err()));
-        assert!(["sun", "moon:1", "sky:1:2", "point:1,2,3"].iter().all(|bad| bad.parse::<LightSpec>().is_err()));
+        assert!(
+            ["sun", "moon:1", "sky:1:2", "point:1,2,3"].iter().all(|bad| bad.parse::<LightSpec>().is_err())
+        );
         assert!(["0", "nan", "-1"].iter().all(|bad| positive(bad).is_err()));
     }
 }

@@ -25,7 +25,7 @@ use crate::progress::Progress;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Settings {
     /// Distance of the samples that hold the light of lights without extent; `None`: that of the density, or more where these
-    /// would be more than 16 million.
+    /// would be more than 4 million.
     pub spacing: Option<f32>,
     /// Distance of the samples that hold what is smooth: the light of the sky and that scattered before; `None`: twice the one
     /// above, or more where these would be more than half a million.
@@ -53,7 +53,7 @@ impl Default for Settings {
 }
 
 /// More samples than this are too many unless asked for: of the light of lights without extent, and of what is smooth.
-const MOST_SAMPLES: [f64; 2] = [16e6, 5e5];
+const MOST_SAMPLES: [f64; 2] = [4e6, 5e5];
 /// The coarsest lattice that a solve begins on has about so many samples.
 const COARSEST: u64 = 6000;
 const ACCURACY: Accuracy = Accuracy { change: 1e-3, sweeps: [200, 3] };

@@ -91,12 +91,14 @@ pub(super) fn cell(lattice: &Lattice, at: Vec3) -> (usize, [usize; 3], Vec3) {
     let last = (UVec3::from_array(lattice.size) - UVec3::ONE).as_vec3();
     let place = ((at - lattice.origin) / lattice.spacing).clamp(Vec3::ZERO, last);
     // The last sample of an axis is the end of the cell before it, where there is one.
-    let first = place.floor().min((last - 1.0).max(Vec3::ZERO));
-    let [x, y, z] = first.as_uvec3().to_array().map(|it| it as usize);
+    let before_last = lattice.size.map(|count| count.saturating_sub(2) as i32);
+    let first: [i32; 3] = std::array::from_fn(|axis| (place[axis] as i32).min(before_last[axis]));
+    let fraction = place - Vec3::from(first.map(|it| it as f32));
+    let [x, y, z] = first.map(|it| it as usize);
     let [width, height, depth] = lattice.size.map(|it| it as usize);
     let step = |count: usize, step: usize| if count > 1 { step } else { 0 };
     let steps = [step(width, 1), step(height, width), step(depth, width * height)];
-    ((z * height + y) * width + x, steps, place - first)
+    ((z * height + y) * width + x, steps, fraction)
 }
 
 /// Weights of tents: which samples of a coarse axis a sample of a fine axis goes to. The first, and the share of the next one.

@@ -68,7 +68,8 @@ mod tests {
 
     fn view() -> View {
         let projection = Projection::Orthographic { height: 4.0 };
-        let camera = Camera { eye: DVec3::new(0.0, 0.0, 9.0), look_at: DVec3::ZERO, up: DVec3::Y, projection };
+        let camera =
+            Camera { eye: DVec3::new(0.0, 0.0, 9.0), look_at: DVec3::ZERO, up: DVec3::Y, projection };
         camera.view(DVec3::ZERO, 8, 8).unwrap()
     }
 
