@@ -344,7 +344,7 @@ pub(crate) struct Medium {
     /// What a particle weighs: an attribute, or one [default: its mass if it has one]
     #[arg(long, value_name = "NAME")]
     pub(crate) weight: Option<String>,
-    /// Extinction per length where the density is 1, one number or R,G,B [default: so that the median column is 4 thick]
+    /// Extinction per length where the density is 1, one number or R,G,B [default: so that the median column is 6 thick]
     #[arg(long, value_name = "X", allow_hyphen_values = true)]
     pub(crate) extinction: Option<Rgb>,
     /// Share of the extinction that scatters, one number or R,G,B from 0 to 1
@@ -359,7 +359,7 @@ pub(crate) struct Medium {
     /// How light is found: march (illumination cache and ray march) or reference (path tracer without bias)
     #[arg(long, value_name = "NAME", default_value = "march")]
     pub(crate) method: MethodName,
-    /// What the illumination cache is filled with: sweeps (without noise), photons, or off (brute force with photons)
+    /// How light that was scattered before is found: sweeps (without noise), photons, single (not at all), or off (no cache: brute force with photons)
     #[arg(long, value_name = "HOW", default_value = "sweeps")]
     pub(crate) cache: CacheName,
     /// Distance of the cache's samples [default: that of the grid points]
@@ -436,6 +436,8 @@ pub(crate) enum CacheName {
     Sweeps,
     /// Photons
     Photons,
+    /// Light is scattered once
+    Single,
     /// There is none: light is found at every step
     Off,
 }
@@ -489,4 +491,6 @@ pub(crate) struct Bench {
 pub(crate) enum BenchWhat {
     /// Primary visibility and the default look at 800x800
     Spheres,
+    /// Density, light and march, as in the tables of Cha, Son and Ihm 2009
+    Medium,
 }

@@ -17,13 +17,16 @@ use tyndall::structure::Structure;
 use tyndall::{Progress, synthetic};
 
 use crate::args;
+use crate::bench_medium;
 use crate::dry_run::check_memory;
 use crate::render::structure;
 use crate::report::{Outcome, Report, bytes};
 
 /// Measures every set at every count.
 pub(crate) fn run(args: &args::Bench, report: &Report) -> Outcome<()> {
-    let args::BenchWhat::Spheres = args.what;
+    if args.what == args::BenchWhat::Medium {
+        return bench_medium::run(report);
+    }
     report.note(format_args!(
         "tyndall {}, {} threads",
         env!("CARGO_PKG_VERSION"),

@@ -6,6 +6,7 @@ mod args;
 mod bench;
 #[expect(dead_code, reason = "the bench of the medium will call it")]
 mod bench_density;
+mod bench_medium;
 mod dry_run;
 mod help;
 mod info;

@@ -316,6 +316,7 @@ impl Job<'_> {
             (MethodName::Reference, _) => "path tracer".into(),
             (_, CacheName::Sweeps) => "cache by sweeps".into(),
             (_, CacheName::Photons) => "cache from photons".into(),
+            (_, CacheName::Single) => "light scattered once".into(),
             (_, CacheName::Off) => "no cache".into(),
         });
         let framing = if viewpoint.eye.is_some() { "camera given".into() } else { framed };
@@ -369,7 +370,7 @@ fn shown(rgb: [f32; 3]) -> String {
 /// A warm sun from the upper left, a little behind the medium, and a cool sky.
 fn default_lights(view: &View) -> Outcome<Vec<Light>> {
     let toward = 0.9 * view.up - 0.75 * view.right + 0.25 * view.forward;
-    let sun = Directional::new(-toward, [7.0, 6.6, 6.0])?;
-    let sky = Environment::constant([0.16, 0.21, 0.28])?;
+    let sun = Directional::new(-toward, [5.4, 5.0, 4.5])?;
+    let sky = Environment::constant([0.12, 0.16, 0.22])?;
     Ok(vec![Light::Directional(sun), Light::Environment(sky)])
 }

@@ -56,7 +56,8 @@ impl<'a> Renderer<'a> {
                     CacheName::Photons => {
                         Multiple::Photons(Self::photon_settings(job, Stored::Multiple), args.gather_radius.0)
                     }
-                    _ => Multiple::Sweeps,
+                    CacheName::Single => Multiple::None,
+                    CacheName::Sweeps | CacheName::Off => Multiple::Sweeps,
                 };
                 let settings =
                     cache::Settings { spacing: args.cache_voxel, multiple, ..cache::Settings::default() };

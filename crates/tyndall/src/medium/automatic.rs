@@ -5,7 +5,7 @@ use rayon::prelude::*;
 use super::Grid;
 
 /// Optical thickness that the median column gets: smoke with lit edges and a body that hides what is behind.
-pub const THICKNESS: f32 = 4.0;
+pub const THICKNESS: f32 = 6.0;
 /// Columns with less than this share of the thickest one do not count.
 const FAINT: f32 = 0.02;
 

@@ -44,6 +44,8 @@ pub enum Multiple {
     Sweeps,
     /// From photons.
     Photons(photons::Settings, Radius),
+    /// Not at all: light is scattered once.
+    None,
 }
 
 impl Default for Settings {
@@ -147,6 +149,12 @@ impl Cache {
             Multiple::Sweeps => {
                 for channel in builder.channels.solved() {
                     fields.push(builder.diffuse(&direct, channel)?);
+                }
+            }
+            Multiple::None => {
+                let nothing = vec![[Vec3::ZERO; harmonics::COUNT]; builder.lattices[0].sample_count() as usize];
+                for channel in builder.channels.solved() {
+                    fields.push(builder.with_sky(&nothing, channel));
                 }
             }
             Multiple::Photons(settings, radius) => {

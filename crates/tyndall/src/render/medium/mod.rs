@@ -16,6 +16,8 @@ pub mod photons;
 pub mod reference;
 pub mod show;
 mod sweep;
+#[cfg(test)]
+mod tests;
 mod walk;
 
 use glam::Vec3;

@@ -1,0 +1,302 @@
+//! The cache and the march against closed forms, and against the reference where there are none.
+
+use glam::{DVec3, Vec3};
+
+use super::brute::BruteForce;
+use super::cache::{Cache, Multiple, Settings};
+use super::columns::{Source, thickness};
+use super::field::{Field, lattice_over, sample};
+use super::free_path::{FreePath, Tracker};
+use super::gather::{PhotonMap, Radius};
+use super::harmonics::directions;
+use super::march::{self, Illumination, March, Pixel};
+use super::photons::{self, Stored};
+use super::reference::{self, Reference};
+use super::sweep::{Ordinate, Sweeper};
+use crate::math::Ray;
+use crate::medium::light::{Directional, Environment, Point};
+use crate::medium::{Grid, Light, Medium, Noise, NoiseSettings, Optics, Phase};
+use crate::random::Stream;
+use crate::scene::camera::{Camera, Projection, View};
+
+const PI: f32 = std::f32::consts::PI;
+
+/// A cube of edge 2 around the origin, of that extinction, sampled finely.
+fn cube(extinction: f32, albedo: f32, g: f32) -> Medium {
+    let grid = Grid::from_dense(Vec3::splat(-0.9375), 0.125, [16; 3], &[1.0; 4096]).unwrap();
+    let optics = Optics { extinction: [extinction; 3], albedo: [albedo; 3], phase: Phase::new(g).unwrap() };
+    Medium::new(grid, optics).unwrap()
+}
+
+/// Lumps of random size and place in a box of edge 2 around the origin.
+fn lumps(optics: Optics) -> Medium {
+    let mut stream = Stream::new(71, 0);
+    let lumps: Vec<(Vec3, f32)> = (0..12).map(|_| (0.6 * stream.cube(), stream.range(0.15, 0.4))).collect();
+    let value = |place: usize| {
+        let at = Vec3::new((place % 24) as f32, (place / 24 % 24) as f32, (place / 576) as f32);
+        let at = (at - 11.5) / 12.0;
+        lumps
+            .iter()
+            .map(|(center, size)| (1.0 - (at - *center).length_squared() / (size * size)).max(0.0))
+            .sum()
+    };
+    let values: Vec<f32> = (0..24 * 24 * 24).map(value).collect();
+    let grid = Grid::from_dense(Vec3::splat(-11.5 / 12.0), 1.0 / 12.0, [24; 3], &values).unwrap();
+    Medium::new(grid, optics).unwrap()
+}
+
+fn grey(extinction: f32, albedo: f32, g: f32) -> Optics {
+    Optics { extinction: [extinction; 3], albedo: [albedo; 3], phase: Phase::new(g).unwrap() }
+}
+
+fn sun(irradiance: [f32; 3]) -> Light {
+    Light::Directional(Directional::new(Vec3::new(0.5, -1.0, -0.4), irradiance).unwrap())
+}
+
+fn sky(radiance: [f32; 3]) -> Light {
+    Light::Environment(Environment::constant(radiance).unwrap())
+}
+
+/// The box of edge 2, seen along -z by parallel rays.
+fn view(size: u32) -> View {
+    let projection = Projection::Orthographic { height: 2.4 };
+    let camera = Camera { eye: DVec3::new(0.0, 0.0, 5.0), look_at: DVec3::ZERO, up: DVec3::Y, projection };
+    camera.view(DVec3::ZERO, size, size).unwrap()
+}
+
+fn march(medium: &Medium, lights: &[Light], light: Illumination, settings: march::Settings) -> Vec<Pixel> {
+    let view = view(settings.width);
+    let mut march = March::new(medium, light, lights, view, settings).unwrap();
+    while !march.is_done() {
+        march.pass(&()).unwrap();
+    }
+    march.pixels()
+}
+
+const SMALL: march::Settings = march::Settings { width: 32, height: 32, samples: 4, seed: 5, step: 0.5 };
+
+fn cached(medium: &Medium, lights: &[Light], settings: &Settings) -> Vec<Pixel> {
+    let cache = Cache::new(medium, lights, settings, &()).unwrap();
+    march(medium, lights, Illumination::Cached(&cache), SMALL)
+}
+
+/// Means over the picture of the scattered light.
+fn mean(pixels: &[Pixel]) -> Vec3 {
+    pixels.iter().map(|pixel| pixel.scattered).sum::<Vec3>() / pixels.len() as f32
+}
+
+fn reference(medium: &Medium, lights: &[Light], samples: u32) -> Vec3 {
+    let settings = reference::Settings {
+        width: SMALL.width,
+        height: SMALL.height,
+        seed: 6,
+        orders: None,
+        free_path: FreePath::Delta,
+    };
+    let mut reference = Reference::new(medium, lights, view(SMALL.width), settings).unwrap();
+    reference.pass(samples, &()).unwrap();
+    mean(&reference.pixels().into_iter().map(Pixel::from).collect::<Vec<_>>())
+}
+
+#[test]
+fn columns_find_what_rays_find() {
+    let medium = lumps(grey(1.0, 0.5, 0.0));
+    let grid = medium.density();
+    let density = Field::density(grid, lattice_over(grid, grid.spacing()));
+    let tracker = Tracker::new(&medium);
+    let mut stream = Stream::new(72, 0);
+    let distant = (0..6).map(|_| Source::Distant(stream.direction())).collect::<Vec<_>>();
+    let near = [Vec3::new(0.1, -0.2, 0.05), Vec3::new(3.0, 1.0, -0.5), Vec3::new(0.0, 0.0, 1.3)];
+    let sources = distant.into_iter().chain(near.map(Source::Near)).chain([Source::Distant(Vec3::NEG_Y)]);
+    let mut total = 0.0;
+    for source in sources {
+        let found = thickness(&density, source);
+        let (mut error, mut most) = (0.0_f64, 0.0_f64);
+        for place in (0..found.values.len()).step_by(7) {
+            let at = found.lattice.position(sample(&found.lattice, place));
+            let (toward, distance) = match source {
+                Source::Distant(along) => (-along, f32::INFINITY),
+                Source::Near(position) => ((position - at).normalize_or_zero(), position.distance(at)),
+            };
+            let ray = Ray { origin: at, direction: toward, t_min: 0.0, t_max: distance };
+            let wanted = f64::from(tracker.column(&ray));
+            error = error.max((f64::from(found.values[place]) - wanted).abs());
+            most = most.max(wanted);
+        }
+        // Lumps are steep within a spacing, and the box ends in their middle.
+        assert!(error < 0.12 * most, "{source:?}: {error} of {most}");
+        total += error / most;
+    }
+    assert!(total / 10.0 < 0.06, "{total}");
+}
+
+#[test]
+fn a_sweep_of_constant_light_is_constant() {
+    let medium = lumps(grey(20.0, 0.5, 0.0));
+    let grid = medium.density();
+    let mut extinction = Field::density(grid, lattice_over(grid, 0.15));
+    extinction.values.iter_mut().for_each(|it| *it *= 20.0);
+    let count = extinction.values.len();
+    let directions = directions(64);
+    let weight = 4.0 * PI / 64.0;
+    let ordinates: Vec<Ordinate> =
+        directions.into_iter().map(|direction| Ordinate { direction, weight, inflow: 2.0 }).collect();
+    // A source of 2 per extinction in all directions: its coefficient is 2 over the first harmonic.
+    let isotropic = 0.282_094_8;
+    let swept = Sweeper::new(extinction).sweep(&ordinates, &[vec![2.0 / isotropic; count]]);
+    let wanted = 2.0 * 4.0 * PI * isotropic;
+    assert!(swept[0].iter().all(|it| (it / wanted - 1.0).abs() < 1e-4));
+}
+
+#[test]
+fn a_medium_without_absorption_is_invisible_in_a_uniform_sky() {
+    for (extinction, g) in [(0.5, 0.0), (5.0, 0.0), (5.0, 0.6), (3.0, -0.4)] {
+        let medium = lumps(grey(extinction, 1.0, g));
+        let pixels = cached(&medium, &[sky([1.0; 3])], &Settings::default());
+        for pixel in pixels {
+            let light = pixel.scattered.x + pixel.environment.x;
+            assert!((light - 1.0).abs() < 0.015, "extinction {extinction}, g {g}: {light}");
+        }
+    }
+}
+
+#[test]
+fn what_comes_through_is_beers_law() {
+    let medium = cube(1.5, 0.0, 0.0);
+    let lights = [sky([0.3; 3])];
+    let pixels = cached(&medium, &lights, &Settings::default());
+    let middle = pixels[16 * 32 + 16];
+    let wanted = (-1.5 * 2.0_f32).exp();
+    assert!((middle.transmittance.x / wanted - 1.0).abs() < 1e-3, "{}", middle.transmittance.x);
+    assert!((middle.environment.x / (0.3 * wanted) - 1.0).abs() < 1e-3);
+    assert_eq!(middle.scattered, Vec3::ZERO);
+    assert_eq!((pixels[0].transmittance, pixels[0].depth), (Vec3::ONE, f32::INFINITY));
+    // Light is lost at 4 + x on average, x of an exponential law that ends at 2.
+    let lost = 4.0 + (1.0 - wanted * (1.0 + 1.5 * 2.0)) / (1.5 * (1.0 - wanted));
+    assert!((middle.depth - lost).abs() < 0.02, "{} {lost}", middle.depth);
+}
+
+#[test]
+fn single_scattering_of_a_sun_behind_the_camera_is_its_closed_form() {
+    for g in [0.0, 0.5] {
+        let (extinction, albedo) = (0.8, 1e-3);
+        let medium = cube(extinction, albedo, g);
+        let light = Light::Directional(Directional::new(Vec3::NEG_Z, [2.0; 3]).unwrap());
+        let pixels = cached(&medium, &[light], &Settings::default());
+        let backward = (1.0 - g * g) / (4.0 * PI * (1.0_f32 + g).powi(3));
+        let wanted = albedo * backward * 2.0 * (1.0 - (-2.0 * extinction * 2.0_f32).exp()) / 2.0;
+        let found = pixels[16 * 32 + 16].scattered.x;
+        assert!((found / wanted - 1.0).abs() < 0.01, "g {g}: {found} {wanted}");
+    }
+}
+
+#[test]
+fn pictures_agree_with_the_reference() {
+    let color = Optics { extinction: [3.0, 5.0, 8.0], albedo: [0.9, 0.8, 0.95], phase: Phase::ISOTROPIC };
+    let point = Light::Point(Point::new(Vec3::new(0.3, 0.9, 0.5), [0.5, 1.0, 0.7]).unwrap());
+    let image: Vec<[f32; 3]> = (0..32).map(|k| if k < 16 { [1.0, 0.8, 0.6] } else { [0.1; 3] }).collect();
+    let image = Light::Environment(Environment::image(8, &image).unwrap());
+    // Close to a light the cache's lattice is coarse.
+    for (name, medium, lights) in [
+        ("grey sun and sky", lumps(grey(6.0, 0.95, 0.0)), vec![sun([PI; 3]), sky([0.25; 3])]),
+        ("forward", lumps(grey(6.0, 0.9, 0.6)), vec![sun([PI; 3]), sky([0.25; 3])]),
+        ("backward", lumps(grey(6.0, 0.9, -0.3)), vec![sun([PI, 2.0, 1.0])]),
+        ("colored", lumps(color), vec![sun([3.0, 2.0, 1.0]), sky([0.1, 0.2, 0.4])]),
+        ("point inside", lumps(grey(4.0, 0.9, 0.3)), vec![point]),
+        ("image of the sky", lumps(grey(4.0, 0.9, 0.0)), vec![image]),
+    ] {
+        let found = mean(&cached(&medium, &lights, &Settings::default()));
+        let wanted = reference(&medium, &lights, 64);
+        let error = (found / wanted - 1.0).abs().max_element();
+        let most = if name == "point inside" { 0.06 } else { 0.02 };
+        assert!(error < most, "{name}: {found} {wanted}");
+    }
+}
+
+fn photon_settings(count: u64) -> photons::Settings {
+    photons::Settings { count, seed: 3, free_path: FreePath::Delta, stored: Stored::Multiple }
+}
+
+#[test]
+fn photons_sweeps_and_brute_force_agree() {
+    for g in [0.0, 0.4] {
+        let medium = lumps(grey(6.0, 0.9, g));
+        let lights = [sun([PI; 3]), sky([0.3; 3])];
+        let by_sweeps = mean(&cached(&medium, &lights, &Settings::default())).x;
+        for radius in [Radius::Automatic, Radius::Fixed(0.1), Radius::Nearest(60, 0.2)] {
+            let multiple = Multiple::Photons(photon_settings(60_000), radius);
+            let by_photons = mean(&cached(&medium, &lights, &Settings { multiple, ..Settings::default() })).x;
+            assert!((by_photons / by_sweeps - 1.0).abs() < 0.04, "{radius:?}: {by_photons} {by_sweeps}");
+        }
+        let stored = photons::trace(&medium, &lights, &photon_settings(60_000), &()).unwrap();
+        let map = PhotonMap::new(&medium, &stored, Radius::Automatic).unwrap();
+        let brute = BruteForce::new(&medium, &lights, map);
+        let settings = march::Settings { samples: 1, ..SMALL };
+        let by_force = mean(&march(&medium, &lights, Illumination::BruteForce(&brute), settings)).x;
+        assert!((by_force / by_sweeps - 1.0).abs() < 0.04, "g {g}: {by_force} {by_sweeps}");
+    }
+}
+
+#[test]
+fn the_comparison_of_pictures_finds_light_that_is_missing() {
+    let medium = lumps(grey(6.0, 0.95, 0.0));
+    let lights = [sun([PI; 3]), sky([0.25; 3])];
+    let found = mean(&cached(&medium, &lights[..1], &Settings::default()));
+    assert!((found / reference(&medium, &lights, 16) - 1.0).abs().max_element() > 0.1);
+}
+
+#[test]
+fn the_same_seed_gives_the_same_bits_for_any_number_of_threads() {
+    let medium = lumps(grey(6.0, 0.9, 0.3));
+    let lights = [sun([PI, 2.0, 1.0]), sky([0.3; 3])];
+    let pictures = [1, 3].map(|threads| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| {
+            let by_photons = Multiple::Photons(photon_settings(5000), Radius::Automatic);
+            let settings = Settings { multiple: by_photons, ..Settings::default() };
+            (cached(&medium, &lights, &Settings::default()), cached(&medium, &lights, &settings))
+        })
+    });
+    assert!(pictures[0] == pictures[1]);
+}
+
+#[test]
+fn noise_of_amplitude_zero_changes_little_and_noise_keeps_the_mean() {
+    let medium = cube(0.5, 0.9, 0.0);
+    let lights = [sky([1.0; 3])];
+    let cache = Cache::new(&medium, &lights, &Settings::default(), &()).unwrap();
+    let with = |position: f32, density: f32| {
+        let settings =
+            NoiseSettings { position, density, octaves: 3, scale: 0.2, anchor: Vec3::ZERO, seed: 1 };
+        let noise = Noise::new(settings).unwrap();
+        let light = Illumination::Cached(&cache);
+        let mut march = March::new(&medium, light, &lights, view(32), SMALL).unwrap().with_noise(&noise);
+        while !march.is_done() {
+            march.pass(&()).unwrap();
+        }
+        mean(&march.pixels()).x
+    };
+    let without = mean(&march(&medium, &lights, Illumination::Cached(&cache), SMALL)).x;
+    assert!((with(0.0, 0.0) / without - 1.0).abs() < 0.01);
+    let changed = [with(0.5, 0.0), with(0.0, 0.8)];
+    assert!(
+        changed.iter().all(|it| *it != without && (it / without - 1.0).abs() < 0.1),
+        "{changed:?} {without}"
+    );
+}
+
+#[test]
+fn what_cannot_be_is_refused() {
+    let medium = cube(1.0, 0.5, 0.0);
+    let refused = |settings: Settings| Cache::new(&medium, &[], &settings, &()).is_err();
+    assert!(refused(Settings { directions: 7, ..Settings::default() }));
+    assert!(refused(Settings { spacing: Some(0.0), ..Settings::default() }));
+    assert!(refused(Settings { diffuse_spacing: Some(f32::NAN), ..Settings::default() }));
+    let none = photons::Photons::default();
+    assert!(PhotonMap::new(&medium, &none, Radius::Fixed(-1.0)).is_err());
+    assert!(PhotonMap::new(&medium, &none, Radius::Nearest(0, 1.0)).is_err());
+    // No light is no light, and no photons are none.
+    let dark = cached(&medium, &[], &Settings::default());
+    assert_eq!(mean(&dark), Vec3::ZERO);
+    assert!(PhotonMap::new(&medium, &none, Radius::Automatic).is_ok());
+}
