@@ -21,7 +21,7 @@ use crate::medium::light::Environment;
 use crate::medium::{Light, Medium};
 use crate::progress::Progress;
 use crate::random::Stream;
-use crate::render::sampling::{Dimension, point};
+use crate::render::sampling::{Dimension, point, shuffled_point};
 use crate::scene::camera::View;
 
 /// The knobs of a reference picture.
@@ -130,8 +130,8 @@ impl<'a> Reference<'a> {
     fn sample(&self, [column, row]: [u32; 2], sample: u32, crossing: &mut Crossing) -> Pixel {
         let seed = self.settings.seed;
         let number = row * self.settings.width + column;
-        let at = |dimension| point(seed, dimension, number, sample);
-        let [x, y] = at(Dimension::Pixel);
+        let at = |dimension| shuffled_point(seed, dimension, number, sample);
+        let [x, y] = point(seed, Dimension::Pixel, number, sample);
         let ray = self.view.ray(column as f32 + x, row as f32 + y);
 
         let behind = self.lights.seen(ray.direction);
