@@ -79,6 +79,16 @@ impl<S: Simd> Lanes3<f32x16<S>> {
         }
     }
 
+    /// `self` where the mask is set, `other` where it is not.
+    #[inline(always)]
+    pub(crate) fn where_else(self, mask: mask32x16<S>, other: Self) -> Self {
+        Self {
+            x: mask.select(self.x, other.x),
+            y: mask.select(self.y, other.y),
+            z: mask.select(self.z, other.z),
+        }
+    }
+
     #[inline(always)]
     pub(crate) fn to_arrays(self) -> [[f32; 16]; 3] {
         [self.x.to_array(), self.y.to_array(), self.z.to_array()]

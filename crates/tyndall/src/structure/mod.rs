@@ -6,6 +6,7 @@
 
 mod build;
 pub mod bvh;
+mod pages;
 pub mod pkd;
 
 use glam::{DVec3, Vec3};
