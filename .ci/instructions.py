@@ -79,13 +79,13 @@ def compare(counts, compiler):
     text = RECORD.read_text()
     recorded = {name: int(number) for name, number in re.findall(r"^([^#\s]+)\t(\d+)$", text, re.MULTILINE)}
     worse, better = [], []
-    print(f"{'case':<28} {'recorded':>14} {'now':>14}  ratio")
+    print(f"{'case':<32} {'recorded':>14} {'now':>14}  ratio")
     for name in recorded | counts:
         before, now = recorded.get(name), counts.get(name)
         ratio = now / before if before and now else None
         worse += [name] if ratio is None or ratio > MOST else []
         better += [name] if ratio is not None and ratio < LEAST else []
-        print(f"{name:<28} {before or '–':>14} {now or '–':>14}  {f'{ratio:.3f}' if ratio else '–'}")
+        print(f"{name:<32} {before or '–':>14} {now or '–':>14}  {f'{ratio:.3f}' if ratio else '–'}")
     anew = "python3 .ci/instructions.py --record"
     if compiler not in text:
         print(f"recorded with another compiler than {compiler}: nothing fails; to record anew: {anew}")

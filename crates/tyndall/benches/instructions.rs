@@ -8,7 +8,8 @@ mod cube;
 use std::hint::black_box;
 
 use tyndall::render::{Settings, render};
-use tyndall::structure::{Kind, Spheres, pkd};
+use tyndall::structure::{Kind, Packing, pkd};
+use tyndall::synthetic;
 
 use cube::{Look, ORTHOGRAPHIC, PERSPECTIVE};
 
@@ -30,14 +31,16 @@ enum Case {
 }
 
 /// What is done with the particles of each law.
-fn cases() -> [(&'static str, Case); 7] {
+fn cases() -> [(&'static str, Case); 9] {
     let pkd = Kind::Pkd(pkd::Options::default());
     let picture = |kind, look, samples| Case::Picture { kind, look, samples };
     [
-        ("build", Case::Build(Kind::Bvh)),
-        ("headlight_1", picture(Kind::Bvh, Look::Headlight, 1)),
-        ("headlight_16", picture(Kind::Bvh, Look::Headlight, 16)),
-        ("default_look_16", picture(Kind::Bvh, Look::Studio, 16)),
+        ("build", Case::Build(Kind::default())),
+        ("headlight_1", picture(Kind::default(), Look::Headlight, 1)),
+        ("headlight_16", picture(Kind::default(), Look::Headlight, 16)),
+        ("headlight_16_of_16_bits", picture(Kind::Bvh(Packing::Bits16), Look::Headlight, 16)),
+        ("headlight_16_of_11_bits", picture(Kind::Bvh(Packing::Bits11), Look::Headlight, 16)),
+        ("default_look_16", picture(Kind::default(), Look::Studio, 16)),
         ("incoherent_rays", Case::Rays),
         ("pkd_build", Case::Build(pkd)),
         ("pkd_headlight_1", picture(pkd, Look::Headlight, 1)),
@@ -62,22 +65,21 @@ fn main() {
 }
 
 fn perform(law: &str, case: Case) {
-    let (particles, radii) = cube::particles(&format!("{law}?n=1e5&seed=1"));
-    let spheres = Spheres { particles: &particles, radii: &radii, radius_scale: 1.0 };
+    let particles = synthetic::generate(&format!("{law}?n=1e5&seed=1"), &()).expect("a known law");
     match case {
-        Case::Build(kind) => measured(&mut || drop(black_box(cube::structure(spheres, kind)))),
+        Case::Build(kind) => measured(|| drop(black_box(cube::arranged(particles, kind)))),
         Case::Picture { kind, look, samples } => {
+            let settings = Settings { width: EDGE, height: EDGE, samples, seed: 1 };
             for projection in [ORTHOGRAPHIC, PERSPECTIVE] {
                 let camera = cube::camera(projection);
-                let scene = cube::scene(spheres, kind, &camera, look);
-                let settings = Settings { width: EDGE, height: EDGE, samples, seed: 1 };
-                measured(&mut || drop(black_box(render(&scene, &camera, &settings, &()))));
+                let scene = cube::scene(cube::arranged(particles.clone(), kind), &camera, look);
+                measured(|| drop(black_box(render(&scene, &camera, &settings, &()))));
             }
         }
         Case::Rays => {
-            let structure = cube::structure(spheres, Kind::Bvh);
+            let structure = cube::arranged(particles, Kind::default());
             let rays = cube::incoherent_rays(RAYS);
-            measured(&mut || {
+            measured(|| {
                 black_box(rays.iter().filter(|ray| structure.intersect(ray, None).is_some()).count());
             });
         }
@@ -86,6 +88,6 @@ fn perform(law: &str, case: Case) {
 
 /// What Valgrind counts.
 #[inline(never)]
-fn measured(work: &mut dyn FnMut()) {
+fn measured(work: impl FnOnce()) {
     work();
 }

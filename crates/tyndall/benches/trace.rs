@@ -4,11 +4,11 @@ mod cube;
 
 use divan::Bencher;
 use divan::counter::ItemsCount;
-use tyndall::DVec3;
 use tyndall::math::Ray;
 use tyndall::render::{Settings, render};
 use tyndall::scene::camera::Projection;
-use tyndall::structure::{Kind, Spheres, pkd};
+use tyndall::structure::{Kind, Structure, pkd};
+use tyndall::{DVec3, synthetic};
 
 use cube::{Look, ORTHOGRAPHIC, PERSPECTIVE};
 
@@ -27,11 +27,13 @@ struct Picture {
     samples: u32,
 }
 
+fn structure(law: &str, kind: Kind) -> Structure {
+    cube::arranged(synthetic::generate(law, &()).expect("a known law"), kind)
+}
+
 fn picture(bencher: Bencher, law: &str, picture: Picture) {
-    let (particles, radii) = cube::particles(law);
-    let spheres = Spheres { particles: &particles, radii: &radii, radius_scale: 1.0 };
     let camera = cube::camera(picture.projection);
-    let scene = cube::scene(spheres, picture.kind, &camera, picture.look);
+    let scene = cube::scene(structure(law, picture.kind), &camera, picture.look);
     let settings = Settings { width: EDGE, height: EDGE, samples: picture.samples, seed: 1 };
     bencher
         .counter(ItemsCount::new((EDGE * EDGE * picture.samples) as usize))
@@ -41,25 +43,25 @@ fn picture(bencher: Bencher, law: &str, picture: Picture) {
 #[divan::bench(args = LAWS, sample_count = 10)]
 fn tiles_orthographic_1(bencher: Bencher, law: &str) {
     let (projection, look) = (ORTHOGRAPHIC, Look::Headlight);
-    picture(bencher, law, Picture { kind: Kind::Bvh, projection, look, samples: 1 });
+    picture(bencher, law, Picture { kind: Kind::default(), projection, look, samples: 1 });
 }
 
 #[divan::bench(args = LAWS, sample_count = 10)]
 fn tiles_orthographic_16(bencher: Bencher, law: &str) {
     let (projection, look) = (ORTHOGRAPHIC, Look::Headlight);
-    picture(bencher, law, Picture { kind: Kind::Bvh, projection, look, samples: 16 });
+    picture(bencher, law, Picture { kind: Kind::default(), projection, look, samples: 16 });
 }
 
 #[divan::bench(args = LAWS, sample_count = 10)]
 fn tiles_perspective_16(bencher: Bencher, law: &str) {
     let (projection, look) = (PERSPECTIVE, Look::Headlight);
-    picture(bencher, law, Picture { kind: Kind::Bvh, projection, look, samples: 16 });
+    picture(bencher, law, Picture { kind: Kind::default(), projection, look, samples: 16 });
 }
 
 #[divan::bench(args = LAWS, sample_count = 5)]
 fn default_look_16(bencher: Bencher, law: &str) {
     let (projection, look) = (PERSPECTIVE, Look::Studio);
-    picture(bencher, law, Picture { kind: Kind::Bvh, projection, look, samples: 16 });
+    picture(bencher, law, Picture { kind: Kind::default(), projection, look, samples: 16 });
 }
 
 #[divan::bench(args = LAWS, sample_count = 5)]
@@ -83,9 +85,7 @@ fn bvh_incoherent_rays(bencher: Bencher, law: &str) {
 }
 
 fn single_rays(bencher: Bencher, law: &str, rays: &[Ray]) {
-    let (particles, radii) = cube::particles(law);
-    let spheres = Spheres { particles: &particles, radii: &radii, radius_scale: 1.0 };
-    let structure = cube::structure(spheres, Kind::Bvh);
+    let structure = structure(law, Kind::default());
     bencher
         .counter(ItemsCount::new(rays.len()))
         .bench(|| rays.iter().filter(|ray| structure.intersect(ray, None).is_some()).count());

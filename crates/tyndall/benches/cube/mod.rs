@@ -6,8 +6,8 @@ use tyndall::scene::Scene;
 use tyndall::scene::camera::{Camera, Projection};
 use tyndall::scene::color::ParticleColors;
 use tyndall::scene::light::Lighting;
-use tyndall::structure::{Kind, Spheres, Structure};
-use tyndall::{DVec3, Particles, Radii, Vec3, synthetic};
+use tyndall::structure::{Kind, Structure};
+use tyndall::{DVec3, Particles, Vec3};
 
 /// The whole cube, in parallel rays.
 pub(crate) const ORTHOGRAPHIC: Projection = Projection::Orthographic { height: 1.8 };
@@ -24,13 +24,6 @@ pub(crate) enum Look {
     Studio,
 }
 
-/// Particles and their radii.
-pub(crate) fn particles(law: &str) -> (Particles, Radii) {
-    let particles = synthetic::generate(law, &()).expect("a known law");
-    let radii = particles.radii().expect("synthetic particles have a radius").clone();
-    (particles, radii)
-}
-
 /// The camera before the cube.
 pub(crate) fn camera(projection: Projection) -> Camera {
     let look_at = DVec3::splat(0.5);
@@ -38,20 +31,20 @@ pub(crate) fn camera(projection: Projection) -> Camera {
     Camera { eye, look_at, up: DVec3::Z, projection }
 }
 
-/// A structure over `spheres`.
-pub(crate) fn structure(spheres: Spheres, kind: Kind) -> Structure {
-    Structure::build(kind, spheres, &()).expect("nobody interrupts")
+/// Arranges particles that have radii.
+pub(crate) fn arranged(particles: Particles, kind: Kind) -> Structure {
+    let radii = particles.radii().expect("synthetic particles have a radius").clone();
+    Structure::build(kind, particles, &radii, 1.0, &()).expect("nobody interrupts")
 }
 
-/// The scene that `camera` is to see.
-pub(crate) fn scene<'a>(spheres: Spheres<'a>, kind: Kind, camera: &Camera, look: Look) -> Scene<'a> {
-    let view = camera.view(DVec3::ZERO, 1, 1).expect("a valid camera");
+/// What `camera` is to see.
+pub(crate) fn scene(structure: Structure, camera: &Camera, look: Look) -> Scene {
+    let view = camera.view(structure.origin(), 1, 1).expect("a valid camera");
     let lighting = match look {
         Look::Headlight => Lighting::Headlight,
         Look::Studio => Lighting::studio(view.forward, view.right, view.up),
     };
-    let colors = ParticleColors::constant([0.8; 3]);
-    Scene { spheres, structure: structure(spheres, kind), colors, lighting, background: None }
+    Scene::new(structure, ParticleColors::constant([0.8; 3]), lighting, None)
 }
 
 /// Rays that share nothing: from random points around the cube to random points in it, as `benches/embree/spheres.cpp` has them.

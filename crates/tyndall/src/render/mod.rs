@@ -36,7 +36,7 @@ impl Default for Settings {
 
 /// Renders one picture, pass by pass.
 pub struct Renderer<'a> {
-    scene: &'a Scene<'a>,
+    scene: &'a Scene,
     view: View,
     settings: Settings,
     film: Film,
@@ -46,7 +46,7 @@ pub struct Renderer<'a> {
 
 impl<'a> Renderer<'a> {
     /// A picture without samples yet. Fails with [`Error::Setting`] if a knob or the camera is out of range.
-    pub fn new(scene: &'a Scene<'a>, camera: &Camera, settings: &Settings) -> Result<Self> {
+    pub fn new(scene: &'a Scene, camera: &Camera, settings: &Settings) -> Result<Self> {
         let Settings { width, height, samples, .. } = *settings;
         if !(1..=65536).contains(&width) || !(1..=65536).contains(&height) {
             return Err(Error::setting("size", format!("{width}x{height}"), "1x1 to 65536x65536 pixels"));
@@ -54,7 +54,7 @@ impl<'a> Renderer<'a> {
         if samples == 0 {
             return Err(Error::setting("samples", samples, "at least 1 a pixel"));
         }
-        let view = camera.view(scene.spheres.particles.positions().origin(), width, height)?;
+        let view = camera.view(scene.structure().origin(), width, height)?;
         let film = Film::new(width, height);
         let level = fearless_simd::Level::new();
         Ok(Self { scene, view, settings: *settings, film, samples_done: 0, level })

@@ -19,7 +19,7 @@ use crate::progress::Progress;
 use crate::scene::Scene;
 use crate::scene::light::Lighting;
 use crate::simd::Lanes3;
-use crate::structure::Structure;
+use crate::structure::Store;
 use lighting::Surfaces;
 pub(crate) use pass::{Pass, Samples};
 use tiles::{BLOCKS, Beam, EDGE, Entry, RAYS, Tile, block_at};
@@ -37,7 +37,7 @@ struct FilmTile {
     sum: [[f32; 4]; FILM_PIXELS],
     /// What the sample nearest the pixel's center met, and that sample's squared distance from it.
     depth: [f32; FILM_PIXELS],
-    id: [u32; FILM_PIXELS],
+    node: [u32; FILM_PIXELS],
     nearest_sq: [f32; FILM_PIXELS],
 }
 
@@ -64,7 +64,7 @@ impl Film {
             y: y * FILM_EDGE as u32,
             sum: [[0.0; 4]; FILM_PIXELS],
             depth: [f32::INFINITY; FILM_PIXELS],
-            id: [0; FILM_PIXELS],
+            node: [0; FILM_PIXELS],
             nearest_sq: [f32::INFINITY; FILM_PIXELS],
         });
         Self { width, height, tiles: tiles.collect() }
@@ -103,7 +103,7 @@ impl Film {
                         color[at] = mean(tile.sum[pixel]);
                         depth[at] = tile.depth[pixel];
                         if depth[at] < f32::INFINITY {
-                            id[at] = scene.spheres.particles.place(tile.id[pixel] as usize) as i64;
+                            id[at] = scene.structure().place(tile.node[pixel]) as i64;
                         }
                     }
                 }
@@ -165,7 +165,7 @@ fn render_film_tile<S: Simd>(simd: S, pass: &Pass, film_tile: &mut FilmTile, scr
     light(simd, pass, film_tile, scratch);
 }
 
-/// Keeps depth and id of the sample nearest the center of each of the block's pixels, the first of which is `first`.
+/// Keeps depth and node of the sample nearest the center of each of the block's pixels, the first of which is `first`.
 fn keep_nearest(pass: &Pass, block: usize, first: usize, film_tile: &mut FilmTile, tile: &Tile) {
     let at = block_at(block % EDGE, block / EDGE);
     for &(lane, center_sq) in &pass.nearest[block] {
@@ -173,9 +173,7 @@ fn keep_nearest(pass: &Pass, block: usize, first: usize, film_tile: &mut FilmTil
         if center_sq < film_tile.nearest_sq[pixel] {
             film_tile.nearest_sq[pixel] = center_sq;
             film_tile.depth[pixel] = tile.depth[at][lane];
-            if tile.depth[at][lane] < f32::INFINITY {
-                film_tile.id[pixel] = pass.scene.structure.sphere(tile.node[at][lane]).2;
-            }
+            film_tile.node[pixel] = tile.node[at][lane];
         }
     }
 }
@@ -186,12 +184,13 @@ fn find_hits<S: Simd>(simd: S, pass: &Pass, corner: (usize, usize), scratch: &mu
     let tile = &mut scratch.tile;
     tile.clear();
     pass.set_rays(simd, corner, tile);
-    match &pass.scene.structure {
-        Structure::Bvh(bvh) => {
+    match &pass.scene.structure().store {
+        Store::Bvh(bvh) => {
             let beam = Beam::new(&pass.view, corner.0 as f32, corner.1 as f32, pass.block_px as f32);
             tiles::walk(simd, bvh, &pass.view, &beam, tile, &mut scratch.stack);
         }
-        structure => {
+        _ => {
+            let structure = pass.scene.structure();
             for block in 0..BLOCKS {
                 for lane in 0..RAYS {
                     if let Some(hit) = structure.intersect(&tile.ray(&pass.view, block, lane), None) {
@@ -230,7 +229,7 @@ fn look_up<S: Simd>(simd: S, pass: &Pass, at: usize, tile: &Tile) -> Option<Met<
     let mut radius = [0.0; RAYS];
     let mut color = [[0.0; RAYS]; 3];
     let mut last = None;
-    let mut sphere = (Vec3::ZERO, 0.0, 0);
+    let mut sphere = (Vec3::ZERO, 0.0);
     let mut paint = [0.0; 3];
     for lane in 0..RAYS {
         if bits >> lane & 1 == 0 {
@@ -238,8 +237,8 @@ fn look_up<S: Simd>(simd: S, pass: &Pass, at: usize, tile: &Tile) -> Option<Met<
         }
         let node = tile.node[at][lane];
         if last != Some(node) {
-            sphere = scene.structure.sphere(node);
-            paint = scene.colors.color(sphere.2 as usize);
+            sphere = scene.structure().sphere(node);
+            paint = scene.color(node);
             last = Some(node);
         }
         (center[0][lane], center[1][lane], center[2][lane]) = sphere.0.into();
@@ -330,7 +329,7 @@ fn light<S: Simd>(simd: S, pass: &Pass, film_tile: &mut FilmTile, scratch: &mut 
         for (toward, radiance) in lights {
             lighting::gather(
                 simd,
-                &pass.scene.structure,
+                pass.scene.structure(),
                 toward,
                 radiance,
                 surfaces,

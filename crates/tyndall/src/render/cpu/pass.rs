@@ -31,7 +31,7 @@ pub(crate) struct Samples {
 
 /// See the module.
 pub(crate) struct Pass<'a> {
-    pub(super) scene: &'a Scene<'a>,
+    pub(super) scene: &'a Scene,
     pub(super) view: View,
     pub(super) samples: usize,
     /// Pixels along the edge of a block of sixteen rays.
@@ -50,7 +50,7 @@ pub(crate) struct Pass<'a> {
 
 impl<'a> Pass<'a> {
     /// A pass over `scene` seen by `view`.
-    pub(crate) fn new(scene: &'a Scene<'a>, view: View, added: Samples) -> Self {
+    pub(crate) fn new(scene: &'a Scene, view: View, added: Samples) -> Self {
         let samples = added.count as usize;
         let block_px = match samples {
             1 => 4,

@@ -13,7 +13,7 @@ use glam::Vec3;
 use crate::math::{HIT_ROUNDING, Ray};
 use crate::scene::camera::View;
 use crate::simd::{Ball, Lanes3, Reach, enter_sphere, grown};
-use crate::structure::bvh::{Bvh, LEAF, LEAF_BIT, Leaf, Node, push_sorted};
+use crate::structure::bvh::{Bvh, LEAF, Place, push_sorted};
 
 /// Blocks along a tile's edge, blocks in a tile, rays in a block.
 pub(super) const EDGE: usize = 8;
@@ -79,7 +79,7 @@ impl Tile {
     /// Tests the particle at `node` against the sixteen rays of `block` and keeps what is nearer; equally near, the smaller id.
     #[simd]
     fn test<S: Simd>(&mut self, simd: S, bvh: &Bvh, view: &View, block: usize, node: u32) -> bool {
-        let (center, radius, id) = bvh.sphere(node);
+        let (center, radius) = bvh.sphere(node);
         let varying = Lanes3::load(simd, &self.varying[block]);
         let (to_center, direction) = if view.perspective {
             (Lanes3::splat(simd, center - view.eye), varying)
@@ -96,7 +96,8 @@ impl Tile {
         let ties = (enters & !wins).to_bitmask();
         if ties != 0 {
             // Equally near: rare, but for particles at one place.
-            let smaller = |lane: &usize| ties >> lane & 1 == 1 && id < bvh.sphere(self.node[block][*lane]).2;
+            let id = |node: u32| bvh.ids()[node as usize];
+            let smaller = |lane: &usize| ties >> lane & 1 == 1 && id(node) < id(self.node[block][*lane]);
             let won = (0..RAYS).filter(smaller).fold(0, |mask, lane| mask | 1 << lane);
             wins |= mask32x16::from_bitmask(simd, won);
         }
@@ -238,7 +239,7 @@ impl<V> Shadow<V> {
 #[derive(Clone, Copy)]
 pub(super) struct Entry {
     near: f32,
-    child: u32,
+    place: Place,
     quads: u8,
 }
 
@@ -253,29 +254,34 @@ pub(super) fn walk<S: Simd>(
     stack: &mut Vec<Entry>,
 ) {
     stack.clear();
-    if !bvh.nodes.is_empty() {
-        stack.push(Entry { near: 0.0, child: 0, quads: 0b1111 });
-    }
+    stack.extend(bvh.root().map(|place| Entry { near: 0.0, place, quads: 0b1111 }));
     while let Some(entry) = stack.pop() {
         if !tile.is_open(entry.near, entry.quads) {
             continue;
         }
-        if entry.child & LEAF_BIT != 0 {
-            draw_leaf(simd, bvh, (entry.child & !LEAF_BIT) as usize, view, beam, tile);
+        if entry.place.level == 0 {
+            draw_leaf(simd, bvh, entry.place.index as usize, view, beam, tile);
         } else {
-            push_children(simd, bvh, &bvh.nodes[entry.child as usize], beam, tile, stack);
+            push_children(simd, bvh, entry.place, beam, tile, stack);
         }
     }
 }
 
 /// Pushes the children that can matter, the nearest last.
 #[simd]
-fn push_children<S: Simd>(simd: S, bvh: &Bvh, node: &Node, beam: &Beam, tile: &Tile, stack: &mut Vec<Entry>) {
+fn push_children<S: Simd>(
+    simd: S,
+    bvh: &Bvh,
+    place: Place,
+    beam: &Beam,
+    tile: &Tile,
+    stack: &mut Vec<Entry>,
+) {
     let margin = HIT_ROUNDING * beam.spread + bvh.slack;
-    let (center, half) = node.decode(simd, beam.eye, margin);
+    let (center, half) = bvh.node(place).decode(simd, beam.eye, margin);
     let shadow = project(simd, beam, center, half);
     let quads = shadow.open_quads(simd, tile);
-    let mut kept = (quads[0] | quads[1] | quads[2] | quads[3]) & node.existing();
+    let mut kept = (quads[0] | quads[1] | quads[2] | quads[3]) & bvh.existing(place);
     let near = shadow.near.to_array();
     let first = stack.len();
     while kept != 0 {
@@ -285,18 +291,17 @@ fn push_children<S: Simd>(simd: S, bvh: &Bvh, node: &Node, beam: &Beam, tile: &T
         for (quad, open) in quads.iter().enumerate() {
             mask |= (open >> child & 1) << quad;
         }
-        let entry = Entry { near: near[child], child: node.child(child), quads: mask as u8 };
+        let entry = Entry { near: near[child], place: bvh.child(place, child), quads: mask as u8 };
         push_sorted(stack, first, entry, |entry| entry.near);
     }
 }
 
 /// Draws the particles of a leaf into the tile.
 #[simd]
-fn draw_leaf<S: Simd>(simd: S, bvh: &Bvh, place: usize, view: &View, beam: &Beam, tile: &mut Tile) {
-    let leaf: &Leaf = &bvh.leaves[place];
+fn draw_leaf<S: Simd>(simd: S, bvh: &Bvh, leaf: usize, view: &View, beam: &Beam, tile: &mut Tile) {
     // Project the sixteen particles at once.
-    let radius = bvh.radii(simd, place);
-    let center = Lanes3::load(simd, &leaf.center).minus(Lanes3::splat(simd, beam.eye));
+    let radius = bvh.radii(simd, leaf);
+    let center = bvh.centers(simd, leaf).minus(Lanes3::splat(simd, beam.eye));
     let shadow = project(simd, beam, center, Ball(grown(simd, radius, center, beam.spread)));
     let quads = shadow.open_quads(simd, tile);
     let mut kept = quads[0] | quads[1] | quads[2] | quads[3];
@@ -315,7 +320,7 @@ fn draw_leaf<S: Simd>(simd: S, bvh: &Bvh, place: usize, view: &View, beam: &Beam
         let block = |at: f32| (at.max(0.0) as usize).min(EDGE - 1);
         let (x_low, y_low) = (block(low[0][lane]), block(low[1][lane]));
         let (x_high, y_high) = (block(high[0][lane]), block(high[1][lane]));
-        let node = (place * LEAF + lane) as u32;
+        let node = (leaf * LEAF + lane) as u32;
         for y in y_low..=y_high {
             for x in x_low..=x_high {
                 let block = block_at(x, y);
