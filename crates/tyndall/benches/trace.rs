@@ -81,7 +81,7 @@ fn bvh_rays(bencher: Bencher, law: &str) {
 /// The same with rays that share nothing, as light is scattered.
 #[divan::bench(args = LAWS, sample_count = 10)]
 fn bvh_incoherent_rays(bencher: Bencher, law: &str) {
-    single_rays(bencher, law, &cube::incoherent_rays(10_000));
+    single_rays(bencher, law, &cube::incoherent_rays(100_000));
 }
 
 fn single_rays(bencher: Bencher, law: &str, rays: &[Ray]) {
