@@ -186,7 +186,7 @@ fn find_hits<S: Simd>(simd: S, pass: &Pass, corner: (usize, usize), scratch: &mu
     pass.set_rays(simd, corner, tile);
     match &pass.scene.structure().store {
         Store::Bvh(bvh) => {
-            let beam = Beam::new(&pass.view, corner.0 as f32, corner.1 as f32, pass.block_px as f32);
+            let beam = Beam::new(pass, corner.0 as f32, corner.1 as f32);
             tiles::walk(simd, bvh, &pass.view, &beam, tile, &mut scratch.stack);
         }
         _ => {

@@ -34,6 +34,8 @@ pub(crate) struct Pass<'a> {
     pub(super) scene: &'a Scene,
     pub(super) view: View,
     pub(super) samples: usize,
+    /// Whether samples lie in the middle of their pixel.
+    pub(super) centered: bool,
     /// Pixels along the edge of a block of sixteen rays.
     pub(super) block_px: usize,
     /// Where the rays pass through the picture, in pixels from the tile's corner, by the block's place in the tile.
@@ -88,7 +90,19 @@ impl<'a> Pass<'a> {
                 .collect(),
             _ => Vec::new(),
         };
-        Self { scene, view, samples, block_px, x, y, sample, pixel, nearest, lights }
+        Self {
+            scene,
+            view,
+            samples,
+            centered: added.centered,
+            block_px,
+            x,
+            y,
+            sample,
+            pixel,
+            nearest,
+            lights,
+        }
     }
 
     /// Pixels along the edge of a tile.
