@@ -13,7 +13,7 @@ use tyndall::scene::camera::{Camera, Projection};
 use tyndall::scene::color::ParticleColors;
 use tyndall::scene::light::Lighting;
 use tyndall::scene::{Scene, automatic, grouped};
-use tyndall::structure::{Spheres, Structure};
+use tyndall::structure::Structure;
 use tyndall::{Progress, synthetic};
 
 use crate::args;
@@ -36,7 +36,7 @@ pub(crate) fn run(args: &args::Bench, report: &Report) -> Outcome<()> {
             let size = Settings { width: args.size.width, height: args.size.height, samples: 1, seed: 0 };
             check_memory(&Work::of_count(count, structure(&args.structure), size))?;
             let particles = synthetic::generate(&specification, report.progress())?;
-            let rows = measure(set, &particles, args, report)?;
+            let rows = measure(set, particles, args, report)?;
             rows.into_iter().for_each(|row| table.add(row));
         }
     }
@@ -48,20 +48,19 @@ pub(crate) fn run(args: &args::Bench, report: &Report) -> Outcome<()> {
 }
 
 /// Builds once, then renders with each camera and light.
-fn measure(set: &str, particles: &Particles, args: &args::Bench, report: &Report) -> Outcome<Vec<Row>> {
-    let (radii, _) = automatic::radii(particles);
-    let spheres = Spheres { particles, radii: &radii, radius_scale: 1.0 };
+fn measure(set: &str, particles: Particles, args: &args::Bench, report: &Report) -> Outcome<Vec<Row>> {
+    let (radii, _) = automatic::radii(&particles);
+    let count = particles.len();
     let start = Instant::now();
-    let structure = Structure::build(structure(&args.structure), spheres, report.progress())?;
+    let structure = Structure::build(structure(&args.structure), particles, &radii, 1.0, report.progress())?;
     let build_secs = start.elapsed().as_secs_f64();
-    let bytes_per_particle = structure.bytes() as f64 / particles.len().max(1) as f64;
+    let bytes_per_particle = structure.bytes() as f64 / count.max(1) as f64;
     let colors = ParticleColors::constant([0.7; 3]);
-    let mut scene =
-        Scene { spheres, structure, colors, lighting: Lighting::Headlight, background: Some([1.0; 3]) };
+    let mut scene = Scene::new(structure, colors, Lighting::Headlight, Some([1.0; 3]));
     let mut rows = Vec::new();
     for (name, projection) in PROJECTIONS {
         let camera = camera(projection);
-        let view = camera.view(particles.positions().origin(), args.size.width, args.size.height)?;
+        let view = camera.view(scene.structure().origin(), args.size.width, args.size.height)?;
         let studio = Lighting::studio(view.forward, view.right, view.up);
         let mut times = [0.0; 3];
         for (slot, (lighting, samples, runs)) in
@@ -75,8 +74,15 @@ fn measure(set: &str, particles: &Particles, args: &args::Bench, report: &Report
             };
         }
         let pixels = f64::from(args.size.width) * f64::from(args.size.height);
-        let (set, count) = (set.into(), particles.len());
-        rows.push(Row { set, count, camera: name, build_secs, bytes_per_particle, times, pixels });
+        rows.push(Row {
+            set: set.into(),
+            count,
+            camera: name,
+            build_secs,
+            bytes_per_particle,
+            times,
+            pixels,
+        });
     }
     Ok(rows)
 }

@@ -16,7 +16,7 @@ use tyndall::scene::light::Lighting;
 use tyndall::scene::outline::Outline;
 use tyndall::scene::viewpoint::{Lens, Motion, Viewpoint, too_small, why_unseen};
 use tyndall::scene::{Scene, short};
-use tyndall::structure::{Kind, Spheres, Structure, pkd};
+use tyndall::structure::{Kind, Packing, Spheres, Structure, pkd};
 use tyndall::{Error, Image};
 use tyndall_io::write::{self, ImageOptions};
 use tyndall_io::{Frame, Sequence};
@@ -38,7 +38,7 @@ pub(crate) fn run(args: &args::Render, report: &Report) -> Outcome<()> {
         job.structure,
         job.settings,
     ))?;
-    let sequence = input::open(&args.input)?;
+    let sequence = input::open(&args.input, report)?;
     let pictures = plan::pictures(args, &job.pattern, sequence.len(), report)?;
     if args.method.dry_run {
         return job.dry_run(&sequence, &pictures);
@@ -222,18 +222,20 @@ impl<'a> Job<'a> {
         }
 
         let building = Instant::now();
-        let structure = Structure::build(self.structure, spheres, self.report.progress())?;
+        let (time, dropped) = (particles.time(), particles.dropped().total());
+        let scale = self.args.look.radius_scale;
+        let structure = Structure::build(self.structure, particles, &radii, scale, self.report.progress())?;
         self.report.detail(format_args!("build: {}", seconds(building.elapsed().as_secs_f64())));
-        let lighting = Lighting::Flat;
-        let mut scene = Scene { spheres, structure, colors, lighting, background: self.background };
+        let mut scene = Scene::new(structure, colors, Lighting::Flat, self.background);
         for (place, picture) in pictures.iter().enumerate() {
             let rendering = Instant::now();
-            let image = self.image(&mut scene, &self.viewpoint.turned(&camera, &outline, picture.turn))?;
+            let camera = self.viewpoint.turned(&camera, &outline, picture.turn);
+            let image = self.image(&mut scene, dropped, &camera)?;
             self.report.detail(format_args!("render: {}", seconds(rendering.elapsed().as_secs_f64())));
             let options = ImageOptions {
                 bits: if self.args.picture.bits == "16" { 16 } else { 8 },
                 dpi: self.args.picture.dpi,
-                metadata: metadata::entries(sequence, number, particles.time(), &self.settings, &guesses),
+                metadata: metadata::entries(sequence, number, time, &self.settings, &guesses),
             };
             write::image(&picture.path, &image, &options).map_err(Failure::Output)?;
             *written += 1;
@@ -247,11 +249,11 @@ impl<'a> Job<'a> {
         Ok(())
     }
 
-    fn image(&self, scene: &mut Scene, camera: &Camera) -> Outcome<Image> {
+    fn image(&self, scene: &mut Scene, dropped: u64, camera: &Camera) -> Outcome<Image> {
         let Settings { width, height, .. } = self.settings;
-        let view = camera.view(scene.spheres.particles.positions().origin(), width, height)?;
-        if scene.spheres.is_empty() {
-            return Err(Failure::Unseen(why_unseen(scene.spheres, &view)));
+        let view = camera.view(scene.structure().origin(), width, height)?;
+        if scene.structure().is_empty() {
+            return Err(Failure::Unseen(why_unseen(scene.structure(), dropped, &view)));
         }
         scene.lighting = match self.args.look.look {
             LightLook::Default => Lighting::studio(view.forward, view.right, view.up),
@@ -260,7 +262,7 @@ impl<'a> Job<'a> {
         };
         let image = render(scene, camera, &self.settings, self.report.progress())?;
         match image.shows_nothing() {
-            true => Err(Failure::Unseen(why_unseen(scene.spheres, &view))),
+            true => Err(Failure::Unseen(why_unseen(scene.structure(), dropped, &view))),
             false => Ok(image),
         }
     }
@@ -313,7 +315,7 @@ impl<'a> Job<'a> {
         framing: &str,
     ) -> Vec<String> {
         let name = match self.structure {
-            Kind::Bvh => "bvh",
+            Kind::Bvh(_) => "bvh",
             Kind::Pkd(_) => "pkd",
             Kind::Brute => "brute force",
         };
@@ -330,7 +332,7 @@ impl<'a> Job<'a> {
 /// The structure that the command line names.
 pub(crate) fn structure(args: &StructureArgs) -> Kind {
     match args.structure {
-        StructureName::Bvh => Kind::Bvh,
+        StructureName::Bvh => Kind::Bvh(Packing::Exact),
         StructureName::Brute => Kind::Brute,
         StructureName::Pkd => Kind::Pkd(pkd::Options {
             axis: match args.pkd_axis {

@@ -2,7 +2,7 @@
 
 use divan::Bencher;
 use divan::counter::ItemsCount;
-use tyndall::structure::{Kind, Spheres, Structure, pkd};
+use tyndall::structure::{Kind, Structure, pkd};
 use tyndall::synthetic;
 
 fn main() {
@@ -14,15 +14,14 @@ const LAWS: [&str; 3] = ["packed?n=1e6", "uniform?n=1e6", "clustered?n=1e6"];
 fn build(bencher: Bencher, law: &str, kind: Kind) {
     let particles = synthetic::generate(law, &()).expect("a known law");
     let radii = particles.radii().expect("synthetic particles have a radius").clone();
-    let spheres = Spheres { particles: &particles, radii: &radii, radius_scale: 1.0 };
-    bencher
-        .counter(ItemsCount::new(particles.len()))
-        .bench(|| Structure::build(kind, spheres, &()).expect("nobody interrupts"));
+    bencher.counter(ItemsCount::new(particles.len())).with_inputs(|| particles.clone()).bench_values(
+        |particles| Structure::build(kind, particles, &radii, 1.0, &()).expect("nobody interrupts"),
+    );
 }
 
 #[divan::bench(args = LAWS, sample_count = 10)]
 fn bvh(bencher: Bencher, law: &str) {
-    build(bencher, law, Kind::Bvh);
+    build(bencher, law, Kind::default());
 }
 
 #[divan::bench(args = LAWS, sample_count = 10)]

@@ -7,20 +7,15 @@
 //! use tyndall::render::{Settings, render};
 //! use tyndall::scene::light::Lighting;
 //! use tyndall::scene::{Scene, camera::Camera, camera::Projection, color::ParticleColors};
-//! use tyndall::structure::{Kind, Spheres, Structure};
+//! use tyndall::structure::{Kind, Structure};
 //! use tyndall::{DVec3, synthetic};
 //!
 //! // Ten thousand particles in the unit cube; `()` listens to no progress.
 //! let particles = synthetic::generate("packed?n=1e4", &())?;
-//! let radii = particles.radii().expect("this source has a radius");
-//! let spheres = Spheres { particles: &particles, radii, radius_scale: 1.0 };
-//! let scene = Scene {
-//!     spheres,
-//!     structure: Structure::build(Kind::Bvh, spheres, &())?,
-//!     colors: ParticleColors::constant([0.6, 0.7, 0.9]),
-//!     lighting: Lighting::Headlight,
-//!     background: Some([1.0; 3]),
-//! };
+//! let radii = particles.radii().expect("this source has a radius").clone();
+//! let structure = Structure::build(Kind::default(), particles, &radii, 1.0, &())?;
+//! let colors = ParticleColors::constant([0.6, 0.7, 0.9]);
+//! let scene = Scene::new(structure, colors, Lighting::Headlight, Some([1.0; 3]));
 //! let camera = Camera {
 //!     eye: DVec3::new(3.0, 2.0, 2.0),
 //!     look_at: DVec3::splat(0.5),

@@ -433,6 +433,11 @@ impl Particles {
         self.places.as_ref().map_or(id as u64, |places| places[id])
     }
 
+    /// Gives up all but the places in the file, if some particles were dropped.
+    pub(crate) fn into_places(self) -> Option<Vec<u64>> {
+        self.places
+    }
+
     /// The least and the greatest coordinates of the centers, in those of the file; `None` without particles.
     pub fn world_bounds(&self) -> Option<[[f64; 3]; 2]> {
         let bounds = self.bounds();

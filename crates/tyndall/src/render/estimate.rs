@@ -4,12 +4,14 @@
 
 use super::Settings;
 use crate::particles::Particles;
-use crate::structure::Kind;
+use crate::structure::{Kind, Packing};
 
 /// Memory of a particle without attributes: three coordinates.
 const POSITION_BYTES: u64 = 12;
 /// Memory of a particle's color: a place in a palette.
 const COLOR_BYTES: u64 = 1;
+/// Memory of a particle's id, beside any structure.
+const ID_BYTES: u64 = 4;
 /// Memory of a particle while a structure is built: the records that are sorted.
 const RECORD_BYTES: u64 = 20;
 /// Memory of a pixel: sums, depth, id, and the same in the finished picture, and its bytes on their way to the file.
@@ -51,15 +53,20 @@ impl Work {
 
     /// The most memory that it needs at one time, in bytes.
     pub fn memory_bytes(&self) -> u64 {
-        let structure = match self.structure {
-            Kind::Bvh => 17 + RECORD_BYTES,
-            Kind::Pkd(_) => 20 + RECORD_BYTES,
-            Kind::Brute => 16,
-        };
+        let arranged = ID_BYTES
+            + match self.structure {
+                Kind::Bvh(Packing::Exact) => 14,
+                Kind::Bvh(Packing::Bits16) => 9,
+                Kind::Bvh(Packing::Bits11) => 7,
+                Kind::Bvh(Packing::Bits8) => 6,
+                Kind::Pkd(_) | Kind::Brute => 16,
+            };
         let pixels = u64::from(self.settings.width) * u64::from(self.settings.height);
-        let particles =
-            self.particles.saturating_mul(structure + COLOR_BYTES).saturating_add(self.columns_bytes);
-        particles.saturating_add(pixels * PIXEL_BYTES)
+        // The columns are let go when the records are there, before the structure is.
+        let sorted = self.particles.saturating_mul(RECORD_BYTES);
+        let structure = self.particles.saturating_mul(arranged).max(self.columns_bytes);
+        let colors = self.particles.saturating_mul(COLOR_BYTES);
+        sorted.saturating_add(structure).saturating_add(colors).saturating_add(pixels * PIXEL_BYTES)
     }
 
     /// The time that it takes `threads` cores to build and render, in seconds.
@@ -70,7 +77,7 @@ impl Work {
         let sample = if self.traced { TRACED_SECS } else { PRIMARY_SECS };
         let (build, tries) = match self.structure {
             Kind::Brute => (0.0, self.particles as f64 / 16.0),
-            Kind::Bvh => (BUILD_SECS, 1.0),
+            Kind::Bvh(_) => (BUILD_SECS, 1.0),
             Kind::Pkd(_) => (2.0 * BUILD_SECS, 8.0),
         };
         (self.particles as f64 * build + samples * sample * tries.max(1.0)) / threads.max(1) as f64
@@ -84,12 +91,12 @@ mod tests {
     #[test]
     fn more_work_costs_more() {
         let settings = Settings { width: 800, height: 800, samples: 16, seed: 0 };
-        let few = Work::of_count(1_000, Kind::Bvh, settings);
+        let few = Work::of_count(1_000, Kind::default(), settings);
         let many = Work { particles: 1_000_000_000, columns_bytes: 12_000_000_000, ..few };
-        assert!(many.memory_bytes() > 40_000_000_000 && many.memory_bytes() < 60_000_000_000);
+        assert!(many.memory_bytes() > 30_000_000_000 && many.memory_bytes() < 50_000_000_000);
         assert!(few.memory_bytes() > 40_000_000 && few.memory_bytes() < 60_000_000);
         assert!(many.seconds(2) > few.seconds(2) && few.seconds(1) > few.seconds(2));
-        let all = Work::of_count(u64::MAX, Kind::Bvh, settings);
+        let all = Work::of_count(u64::MAX, Kind::default(), settings);
         assert_eq!(all.memory_bytes(), u64::MAX);
     }
 }

@@ -37,7 +37,7 @@ impl Default for Settings {
 
 /// Renders one picture, pass by pass.
 pub struct Renderer<'a> {
-    scene: &'a Scene<'a>,
+    scene: &'a Scene,
     view: View,
     settings: Settings,
     film: Film,
@@ -47,7 +47,7 @@ pub struct Renderer<'a> {
 
 impl<'a> Renderer<'a> {
     /// A picture without samples yet. Fails with [`Error::Setting`] if a knob or the camera is out of range.
-    pub fn new(scene: &'a Scene<'a>, camera: &Camera, settings: &Settings) -> Result<Self> {
+    pub fn new(scene: &'a Scene, camera: &Camera, settings: &Settings) -> Result<Self> {
         let Settings { width, height, samples, .. } = *settings;
         if !(1..=65536).contains(&width) || !(1..=65536).contains(&height) {
             return Err(Error::setting("size", format!("{width}x{height}"), "1x1 to 65536x65536 pixels"));
@@ -55,7 +55,7 @@ impl<'a> Renderer<'a> {
         if samples == 0 {
             return Err(Error::setting("samples", samples, "at least 1 a pixel"));
         }
-        let view = camera.view(scene.spheres.particles.positions().origin(), width, height)?;
+        let view = camera.view(scene.structure().origin(), width, height)?;
         let film = Film::new(width, height);
         let level = fearless_simd::Level::new();
         Ok(Self { scene, view, settings: *settings, film, samples_done: 0, level })
@@ -87,15 +87,30 @@ impl<'a> Renderer<'a> {
             count,
             centered: self.settings.samples == 1,
         };
-        let pass = cpu::Pass::new(self.scene, self.view, added);
+        let pass = self.film.pass(self.scene, self.view, added);
         cpu::for_each_tile(&mut self.film, &pass, self.level, progress);
         self.samples_done += count;
         if progress.cancelled() { Err(Error::Interrupted) } else { Ok(()) }
     }
 
+    /// Starts anew with another camera, in the same memory. Fails as [`Renderer::new`] does.
+    pub fn restart(&mut self, camera: &Camera) -> Result<()> {
+        let Settings { width, height, .. } = self.settings;
+        self.view = camera.view(self.scene.structure().origin(), width, height)?;
+        self.samples_done = 0;
+        Ok(())
+    }
+
     /// The picture of the samples so far.
     pub fn image(&self) -> Image {
-        self.film.image(self.scene, self.samples_done)
+        let mut image = Image::default();
+        self.image_into(&mut image);
+        image
+    }
+
+    /// Writes the picture of the samples so far, whatever `image` was before.
+    pub fn image_into(&self, image: &mut Image) {
+        self.film.image_into(self.scene, self.samples_done, image);
     }
 }
 

@@ -73,6 +73,21 @@ impl ParticleColors {
         }
     }
 
+    /// The same colors, particle `ids[k]` at place `k`.
+    pub(super) fn arranged(self, ids: &[u32]) -> Self {
+        let store = match self.store {
+            Store::Constant(color) => Store::Constant(color),
+            Store::Palette { colors, places } => {
+                Store::Palette { colors, places: ids.par_iter().map(|&id| places[id as usize]).collect() }
+            }
+            Store::Direct { bytes, linear_of_byte } => {
+                let bytes = ids.par_iter().map(|&id| bytes[id as usize]).collect();
+                Store::Direct { bytes, linear_of_byte }
+            }
+        };
+        Self { store, ..self }
+    }
+
     /// One linear color for all particles.
     pub fn constant(color: [f32; 3]) -> Self {
         let digits = color.map(|value| short(value as f64)).join(" ");

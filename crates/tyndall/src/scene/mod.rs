@@ -18,21 +18,42 @@ mod spacing;
 mod statistics;
 pub mod viewpoint;
 
-use crate::structure::{Spheres, Structure};
+use crate::structure::Structure;
 use color::ParticleColors;
 use light::Lighting;
 pub use statistics::{grouped, short};
 
 /// Particles, and how they are seen.
-pub struct Scene<'a> {
-    /// The particles and their sizes.
-    pub spheres: Spheres<'a>,
-    /// The structure over them.
-    pub structure: Structure,
-    /// Their colors.
-    pub colors: ParticleColors,
+pub struct Scene {
     /// What lights them.
     pub lighting: Lighting,
     /// Linear RGB behind them; none leaves the picture transparent there.
     pub background: Option<[f32; 3]>,
+    structure: Structure,
+    /// By node.
+    colors: ParticleColors,
+}
+
+impl Scene {
+    /// Particles with the colors that were resolved for them before they were arranged.
+    pub fn new(
+        structure: Structure,
+        colors: ParticleColors,
+        lighting: Lighting,
+        background: Option<[f32; 3]>,
+    ) -> Self {
+        let colors = colors.arranged(structure.ids());
+        Self { lighting, background, structure, colors }
+    }
+
+    /// The particles.
+    pub fn structure(&self) -> &Structure {
+        &self.structure
+    }
+
+    /// The color of the particle at `node`: linear RGB, 0 to 1.
+    #[inline(always)]
+    pub(crate) fn color(&self, node: u32) -> [f32; 3] {
+        self.colors.color(node as usize)
+    }
 }

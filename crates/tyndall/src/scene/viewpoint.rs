@@ -4,14 +4,14 @@
 
 use std::str::FromStr;
 
-use glam::{DQuat, DVec3};
+use glam::{DQuat, DVec3, Vec3};
 use rayon::prelude::*;
 
 use super::camera::{Camera, Projection, View, usable_up};
 use super::outline::Outline;
 use super::statistics::{grouped, sampled_ids, short};
 use crate::error::{Error, Result};
-use crate::structure::Spheres;
+use crate::structure::{Spheres, Structure};
 
 /// Where the camera looks if nobody says so: from the front right, and from above.
 pub const DIRECTION: DVec3 = DVec3::new(-2.0, -1.3, -1.0);
@@ -144,17 +144,17 @@ pub enum Motion {
     Orbit,
 }
 
-/// Why a picture of these particles shows none of them, in one line.
-pub fn why_unseen(spheres: Spheres, view: &View) -> String {
-    let all = spheres.len();
+/// Why a picture of these particles shows none of them, in one line. `dropped` is how many were left out on entry.
+pub fn why_unseen(structure: &Structure, dropped: u64, view: &View) -> String {
+    let all = structure.len();
     if all == 0 {
-        let dropped = spheres.particles.dropped().total();
         return match dropped {
             0 => "0 particles: the frame has none".into(),
             _ => format!("0 particles: all {} of the frame were dropped", grouped(dropped as usize)),
         };
     }
-    let largest = (0..all).into_par_iter().filter_map(|id| size_in_view(spheres, view, id));
+    let largest =
+        (0..all as u32).into_par_iter().filter_map(|node| size_in_view(structure.sphere(node), view));
     let (count, largest) = largest
         .fold(|| (0, 0.0_f64), |a, px| (a.0 + 1, a.1.max(px)))
         .reduce(|| (0, 0.0), |a, b| (a.0 + b.0, a.1.max(b.1)));
@@ -167,9 +167,8 @@ pub fn why_unseen(spheres: Spheres, view: &View) -> String {
             short(largest)
         );
     }
-    let positions = spheres.particles.positions();
-    let bounds = spheres.particles.bounds();
-    let (min, max) = (positions.origin() + bounds.min.as_dvec3(), positions.origin() + bounds.max.as_dvec3());
+    let (origin, bounds) = (structure.origin(), structure.bounds());
+    let (min, max) = (origin + bounds.min.as_dvec3(), origin + bounds.max.as_dvec3());
     let sides = ["x", "y", "z"].iter().enumerate();
     let sides: Vec<String> =
         sides.map(|(axis, name)| format!("{name} {}..{}", short(min[axis]), short(max[axis]))).collect();
@@ -184,7 +183,7 @@ pub fn why_unseen(spheres: Spheres, view: &View) -> String {
 /// are. Looks at a sample of the particles.
 pub fn too_small(spheres: Spheres, view: &View) -> Option<String> {
     let ids = sampled_ids(spheres.len(), SAMPLES).filter_map(|id| {
-        let px = size_in_view(spheres, view, id)?;
+        let px = size_in_view((spheres.center(id), spheres.radius(id)), view)?;
         Some((1_usize, usize::from(px < SMALL_PX), spheres.radius(id), spheres.radius(id)))
     });
     let none = || (0, 0, f32::INFINITY, 0.0_f32);
@@ -205,9 +204,9 @@ pub fn too_small(spheres: Spheres, view: &View) -> Option<String> {
     ))
 }
 
-/// The radius in pixels of particle `id`, if it may be seen in some pixel.
-fn size_in_view(spheres: Spheres, view: &View, id: usize) -> Option<f64> {
-    let (offset, radius) = (spheres.center(id) - view.eye, spheres.radius(id));
+/// The radius in pixels of the sphere at `center`, if it may be seen in some pixel.
+fn size_in_view((center, radius): (Vec3, f32), view: &View) -> Option<f64> {
+    let offset = center - view.eye;
     let depth = offset.dot(view.forward);
     let scale = if view.perspective { depth } else { 1.0 };
     let within = |along: f32, half: f32| along.abs() - radius <= half.abs() * scale;
@@ -222,7 +221,7 @@ mod tests {
     use super::*;
     use crate::math::Bounds;
     use crate::particles::{Attribute, Columns, Particles, Radii, Values};
-    use glam::Vec3;
+    use crate::structure::Kind;
 
     fn viewpoint() -> Viewpoint {
         let lens = Lens::Perspective { vertical_angle: 0.6 };
@@ -294,13 +293,16 @@ mod tests {
         let particles = Particles::new(columns).unwrap();
         let why = |eye: DVec3, radius: f32| {
             let radii = Radii::Uniform(radius);
-            let spheres = Spheres { particles: &particles, radii: &radii, radius_scale: 1.0 };
+            let structure = Structure::build(Kind::default(), particles.clone(), &radii, 1.0, &()).unwrap();
             let camera = Viewpoint { eye: Some(eye), look_at: Some(DVec3::X * 5.0), ..viewpoint() };
             let camera = camera.camera(&Outline::of_box(&BOX, DVec3::ZERO), 1.0);
-            why_unseen(spheres, &camera.view(particles.positions().origin(), 10, 10).unwrap())
+            why_unseen(&structure, 0, &camera.view(structure.origin(), 10, 10).unwrap())
         };
         let past = why(DVec3::X * 4.0, 0.1);
-        assert!(past.starts_with("0 of 2 particles are in view — ") && past.contains("x 0..1"), "{past}");
+        assert!(
+            past.starts_with("0 of 2 particles are in view — ") && past.contains("x -0.1..1.1"),
+            "{past}"
+        );
         let small = why(DVec3::X * -20.0, 1e-6);
         assert!(small.starts_with("2 of 2 particles are in view but"), "{small}");
     }

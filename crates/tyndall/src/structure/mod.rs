@@ -1,20 +1,23 @@
 //! Where the particles are: the structures that a ray or a tile asks for what it meets.
 //!
-//! All are built from the same [`Spheres`] and answer with the same formula, [`crate::math::enter_sphere`], so that they agree
+//! A structure takes the particles and arranges their centers in its own order: after that a particle has a place in the structure,
+//! its node, besides its id. All structures answer with the same formula, [`crate::math::enter_sphere`], so that they agree
 //! bit for bit. Where two particles are entered at the same distance, the one with the smaller id counts.
 
 mod build;
 pub mod bvh;
+mod pages;
 pub mod pkd;
 
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 
 use crate::error::Result;
 use crate::math::{Bounds, Ray, enter_sphere};
 use crate::particles::{Particles, Radii};
 use crate::progress::Progress;
+use build::{Record, records};
 
-pub use bvh::Bvh;
+pub use bvh::{Bvh, Packing};
 pub use pkd::Pkd;
 
 /// The particles as a structure sees them: centers, as offsets from the particles' origin, and radii.
@@ -72,135 +75,212 @@ pub struct Hit {
 }
 
 impl Hit {
-    /// The nearer of two, of equally near ones that with the smaller id.
+    /// The nearer of the best so far and what is met at `node`; of equally near ones that with the smaller id.
     #[inline(always)]
-    pub(crate) fn keep_nearer(best: &mut Option<Hit>, hit: Hit) {
-        if best.is_none_or(|best| hit.t < best.t || (hit.t == best.t && hit.id < best.id)) {
-            *best = Some(hit);
+    fn keep_nearer(best: &mut Option<Hit>, t: f32, node: u32, ids: &[u32]) {
+        if best.is_none_or(|best| t <= best.t) {
+            let id = ids[node as usize];
+            if best.is_none_or(|best| t < best.t || id < best.id) {
+                *best = Some(Hit { t, id, node });
+            }
         }
     }
 }
 
 /// Which structure to build.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
     /// Wide nodes over packed leaves.
-    #[default]
-    Bvh,
+    Bvh(Packing),
     /// A balanced k-d tree in place.
     Pkd(pkd::Options),
     /// None: every particle is tried.
     Brute,
 }
 
-/// A structure over particles.
-pub enum Structure {
-    /// Wide nodes over packed leaves.
+impl Default for Kind {
+    fn default() -> Self {
+        Self::Bvh(Packing::Exact)
+    }
+}
+
+/// Particles arranged to be found by rays.
+pub struct Structure {
+    pub(crate) store: Store,
+    origin: DVec3,
+    /// By id, where some particles of the file were dropped.
+    places: Option<Vec<u64>>,
+}
+
+/// The structures. `Brute` is the oracle for tests.
+pub(crate) enum Store {
     Bvh(Bvh),
-    /// A balanced k-d tree in place.
     Pkd(Pkd),
-    /// None: every particle is tried. The oracle for tests.
     Brute(Brute),
 }
 
+/// Runs the same expression on whichever structure there is.
+macro_rules! each_store {
+    ($store:expr, $held:ident => $body:expr) => {
+        match $store {
+            Store::Bvh($held) => $body,
+            Store::Pkd($held) => $body,
+            Store::Brute($held) => $body,
+        }
+    };
+}
+
 impl Structure {
-    /// Builds over `spheres`, in parallel.
-    pub fn build(kind: Kind, spheres: Spheres, progress: &dyn Progress) -> Result<Self> {
-        progress.begin("build", Some(spheres.len() as u64), "particles");
-        let structure = match kind {
-            Kind::Bvh => Self::Bvh(Bvh::build(spheres, progress)?),
-            Kind::Pkd(options) => Self::Pkd(Pkd::build(spheres, options, progress)?),
-            Kind::Brute => Self::Brute(Brute::new(spheres)),
-        };
-        Ok(structure)
-    }
-
-    /// The particle that `ray` enters first, not counting particle `except`.
-    pub fn intersect(&self, ray: &Ray, except: Option<u32>) -> Option<Hit> {
-        match self {
-            Self::Bvh(bvh) => bvh.intersect(ray, except),
-            Self::Pkd(pkd) => pkd.intersect(ray, except),
-            Self::Brute(brute) => brute.intersect(ray, except),
-        }
-    }
-
-    /// Whether `ray` enters any particle but `except`.
-    pub fn occluded(&self, ray: &Ray, except: Option<u32>) -> bool {
-        match self {
-            Self::Bvh(bvh) => bvh.occluded(ray, except),
-            Self::Pkd(pkd) => pkd.occluded(ray, except),
-            Self::Brute(brute) => brute.occluded(ray, except),
-        }
-    }
-
-    /// Center and radius of the particle at `node`, and its id.
-    #[inline(always)]
-    pub fn sphere(&self, node: u32) -> (Vec3, f32, u32) {
-        match self {
-            Self::Bvh(bvh) => bvh.sphere(node),
-            Self::Pkd(pkd) => pkd.sphere(node),
-            Self::Brute(brute) => {
-                let (center, radius) = brute.spheres[node as usize];
-                (center, radius, node)
+    /// Arranges `particles`, in parallel, with radii that are `radius_scale` times those of `radii`. Their centers are not held
+    /// twice: the particles are used up, so take colors and whatever else is wanted from their attributes before.
+    ///
+    /// Fails only when interrupted.
+    pub fn build(
+        kind: Kind,
+        particles: Particles,
+        radii: &Radii,
+        radius_scale: f32,
+        progress: &dyn Progress,
+    ) -> Result<Self> {
+        progress.begin("build", Some(particles.len() as u64), "particles");
+        let spheres = Spheres { particles: &particles, radii, radius_scale };
+        let origin = particles.positions().origin();
+        Ok(match spheres.uniform() {
+            Some(radius) => {
+                let records = records::<3>(spheres);
+                Self {
+                    origin,
+                    places: particles.into_places(),
+                    store: arrange(kind, records, radius, progress)?,
+                }
             }
-        }
+            None => {
+                let records = records::<4>(spheres);
+                Self {
+                    origin,
+                    places: particles.into_places(),
+                    store: arrange(kind, records, 0.0, progress)?,
+                }
+            }
+        })
+    }
+
+    /// The particle that `ray` enters first, not counting the one at node `except`.
+    pub fn intersect(&self, ray: &Ray, except: Option<u32>) -> Option<Hit> {
+        each_store!(&self.store, store => store.intersect(ray, except))
+    }
+
+    /// Whether `ray` enters any particle but the one at node `except`.
+    pub fn occluded(&self, ray: &Ray, except: Option<u32>) -> bool {
+        each_store!(&self.store, store => store.occluded(ray, except))
+    }
+
+    /// How many particles there are; nodes count from 0 to this.
+    pub fn len(&self) -> usize {
+        self.ids().len()
+    }
+
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// Center and radius of the particle at `node`.
+    #[inline(always)]
+    pub fn sphere(&self, node: u32) -> (Vec3, f32) {
+        each_store!(&self.store, store => store.sphere(node))
+    }
+
+    /// By node the ids of the particles: their places among those that the structure was built from.
+    pub fn ids(&self) -> &[u32] {
+        each_store!(&self.store, store => store.ids())
+    }
+
+    /// The place in the file of the particle at `node`, counted from 0 and with those that were dropped.
+    pub fn place(&self, node: u32) -> u64 {
+        let id = self.ids()[node as usize];
+        self.places.as_ref().map_or(u64::from(id), |places| places[id as usize])
+    }
+
+    /// The point from which centers are measured.
+    pub fn origin(&self) -> DVec3 {
+        self.origin
     }
 
     /// The box of all particles, radii included.
     pub fn bounds(&self) -> Bounds {
-        match self {
-            Self::Bvh(bvh) => bvh.bounds(),
-            Self::Pkd(pkd) => pkd.bounds(),
-            Self::Brute(brute) => brute.bounds(),
-        }
+        each_store!(&self.store, store => store.bounds())
     }
 
-    /// Memory it takes, in bytes.
+    /// Memory that centers, radii and nodes take, in bytes; the ids take four more a particle.
     pub fn bytes(&self) -> u64 {
-        match self {
-            Self::Bvh(bvh) => bvh.bytes(),
-            Self::Pkd(pkd) => pkd.bytes(),
-            Self::Brute(brute) => size_of_val(&brute.spheres[..]) as u64,
-        }
+        each_store!(&self.store, store => store.bytes())
     }
+}
+
+/// Builds the structure of that kind; `radius` is that of all where the records have none.
+fn arrange<const N: usize>(
+    kind: Kind,
+    records: Vec<Record<N>>,
+    radius: f32,
+    progress: &dyn Progress,
+) -> Result<Store> {
+    Ok(match kind {
+        Kind::Bvh(packing) => Store::Bvh(Bvh::build(records, radius, packing, progress)?),
+        Kind::Pkd(options) => Store::Pkd(Pkd::build(records, radius, options, progress)?),
+        Kind::Brute => Store::Brute(Brute::build(&records, radius)),
+    })
 }
 
 /// Tries every particle.
 pub struct Brute {
     spheres: Vec<(Vec3, f32)>,
+    ids: Vec<u32>,
 }
 
 impl Brute {
-    /// Takes the particles as they are.
-    pub fn new(spheres: Spheres) -> Self {
-        Self { spheres: (0..spheres.len()).map(|id| (spheres.center(id), spheres.radius(id))).collect() }
+    fn build<const N: usize>(records: &[Record<N>], radius: f32) -> Self {
+        let sphere = |record: &Record<N>| (record.center(), record.radius(radius));
+        Self {
+            spheres: records.iter().map(sphere).collect(),
+            ids: records.iter().map(|record| record.id).collect(),
+        }
     }
 
-    /// See [`Structure::intersect`].
-    pub fn intersect(&self, ray: &Ray, except: Option<u32>) -> Option<Hit> {
+    fn intersect(&self, ray: &Ray, except: Option<u32>) -> Option<Hit> {
         let mut best = None;
-        for hit in self.hits(ray, except) {
-            Hit::keep_nearer(&mut best, hit);
+        for (t, node) in self.hits(ray, except) {
+            Hit::keep_nearer(&mut best, t, node, &self.ids);
         }
         best
     }
 
-    /// See [`Structure::occluded`].
-    pub fn occluded(&self, ray: &Ray, except: Option<u32>) -> bool {
+    fn occluded(&self, ray: &Ray, except: Option<u32>) -> bool {
         self.hits(ray, except).next().is_some()
     }
 
-    /// See [`Structure::bounds`].
-    pub fn bounds(&self) -> Bounds {
+    fn sphere(&self, node: u32) -> (Vec3, f32) {
+        self.spheres[node as usize]
+    }
+
+    fn ids(&self) -> &[u32] {
+        &self.ids
+    }
+
+    fn bounds(&self) -> Bounds {
         let boxes =
             self.spheres.iter().map(|&(center, radius)| Bounds { min: center, max: center }.grown(radius));
         boxes.fold(Bounds::EMPTY, Bounds::union)
     }
 
-    fn hits(&self, ray: &Ray, except: Option<u32>) -> impl Iterator<Item = Hit> {
-        (0u32..).zip(&self.spheres).filter_map(move |(id, &(center, radius))| {
+    fn bytes(&self) -> u64 {
+        size_of_val(&self.spheres[..]) as u64
+    }
+
+    fn hits(&self, ray: &Ray, except: Option<u32>) -> impl Iterator<Item = (f32, u32)> {
+        (0u32..).zip(&self.spheres).filter_map(move |(node, &(center, radius))| {
             let t = enter_sphere(ray, center, radius);
-            (t < ray.t_max && except != Some(id)).then_some(Hit { t, id, node: id })
+            (t < ray.t_max && except != Some(node)).then_some((t, node))
         })
     }
 }

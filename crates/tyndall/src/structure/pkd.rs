@@ -1,6 +1,6 @@
 //! The P-k-d tree: a balanced k-d tree over the particles that has no nodes beside them.
 //!
-//! `build` permutes a copy of the particles so that node `n` has children `2n + 1` and `2n + 2`. Invariant: along a node's axis no center
+//! `build` permutes the particles so that node `n` has children `2n + 1` and `2n + 2`. Invariant: along a node's axis no center
 //! in its left subtree lies above its own, none in its right subtree below. The axis is not stored: it follows from the box that
 //! the cuts above leave to the node (its widest extent), or from the node's depth (round robin). Coordinates keep all their bits.
 //! Regions are grown by the largest radius. Source: Wald, Knoll, Johnson, Usher, Pascucci, Papka 2015, CPU Ray Tracing Large
@@ -9,8 +9,8 @@
 use glam::Vec3;
 use rayon::prelude::*;
 
-use super::build::{Record, cut, records};
-use super::{Hit, Spheres, box_slack};
+use super::build::{Record, cut};
+use super::{Hit, box_slack};
 use crate::error::{Error, Result};
 use crate::math::{Bounds, HIT_ROUNDING, Ray, enter_sphere};
 use crate::progress::Progress;
@@ -47,7 +47,8 @@ pub struct Options {
 /// See the module.
 pub struct Pkd {
     center: [Vec<f32>; 3],
-    id: Vec<u32>,
+    /// Of every node the id.
+    ids: Vec<u32>,
     /// One a node, where radii differ.
     radii: Vec<f32>,
     max_radius: f32,
@@ -91,10 +92,16 @@ impl Options {
 const PARALLEL_COUNT: usize = 1 << 14;
 
 impl Pkd {
-    /// Builds over `spheres`, in parallel. Fails only when interrupted.
-    pub fn build(spheres: Spheres, options: Options, progress: &dyn Progress) -> Result<Self> {
-        let mut records = records(spheres);
-        let centers = spheres.particles.bounds();
+    /// Builds over `records`, in parallel; `radius` is that of all where the records have none. Fails only when interrupted.
+    pub(super) fn build<const N: usize>(
+        mut records: Vec<Record<N>>,
+        radius: f32,
+        options: Options,
+        progress: &dyn Progress,
+    ) -> Result<Self> {
+        let bounds = |bounds: Bounds, record: &Record<N>| bounds.with(record.center());
+        let centers =
+            records.par_iter().fold(|| Bounds::EMPTY, bounds).reduce(|| Bounds::EMPTY, Bounds::union);
         sort(&mut records, centers, 0, options, progress);
         if progress.cancelled() {
             return Err(Error::Interrupted);
@@ -102,12 +109,11 @@ impl Pkd {
         let order = heap_order(records.len());
         let column =
             |axis: usize| order.par_iter().map(|&at| records[at as usize].coordinates[axis]).collect();
-        let radii: Vec<f32> = if spheres.uniform().is_some() { Vec::new() } else { column(3) };
-        let max_radius =
-            spheres.uniform().unwrap_or_else(|| radii.par_iter().copied().reduce(|| 0.0, f32::max));
+        let radii: Vec<f32> = if N > 3 { column(N - 1) } else { Vec::new() };
+        let max_radius = if N > 3 { radii.par_iter().copied().reduce(|| 0.0, f32::max) } else { radius };
         Ok(Self {
             center: [column(0), column(1), column(2)],
-            id: order.par_iter().map(|&at| records[at as usize].id).collect(),
+            ids: order.par_iter().map(|&at| records[at as usize].id).collect(),
             radii,
             max_radius,
             centers,
@@ -125,8 +131,8 @@ impl Pkd {
             // Equally near hits count too: the smaller id wins. `next_up` lets them through the open interval.
             let within = Ray { t_max: ray.t_max.next_up().min(t_max), ..*ray };
             let t = enter_sphere(&within, pkd.center(node), pkd.radius(node));
-            if t < within.t_max && except != Some(pkd.id[node]) {
-                Hit::keep_nearer(&mut best, Hit { t, id: pkd.id[node], node: node as u32 });
+            if t < within.t_max && except != Some(node as u32) {
+                Hit::keep_nearer(&mut best, t, node as u32, &pkd.ids);
                 // Clip the ray to the nearest hit: what is behind it is hidden.
                 ray.t_max = best.map_or(ray.t_max, |best: Hit| best.t);
             }
@@ -140,7 +146,7 @@ impl Pkd {
         let mut found = false;
         self.walk(&mut { *ray }, |pkd, node, ray| {
             found = enter_sphere(ray, pkd.center(node), pkd.radius(node)) < ray.t_max
-                && except != Some(pkd.id[node]);
+                && except != Some(node as u32);
             found
         });
         found
@@ -148,9 +154,13 @@ impl Pkd {
 
     /// See [`super::Structure::sphere`].
     #[inline(always)]
-    pub fn sphere(&self, node: u32) -> (Vec3, f32, u32) {
-        let node = node as usize;
-        (self.center(node), self.radius(node), self.id[node])
+    pub fn sphere(&self, node: u32) -> (Vec3, f32) {
+        (self.center(node as usize), self.radius(node as usize))
+    }
+
+    /// The ids, by node.
+    pub fn ids(&self) -> &[u32] {
+        &self.ids
     }
 
     /// The box of all particles, each as large as the largest.
@@ -158,10 +168,10 @@ impl Pkd {
         if self.centers.is_empty() { Bounds::EMPTY } else { self.centers.grown(self.max_radius) }
     }
 
-    /// Memory it takes, in bytes.
+    /// Memory that it takes in bytes, without the ids.
     pub fn bytes(&self) -> u64 {
         let columns: usize = self.center.iter().map(|column| size_of_val(&column[..])).sum();
-        (columns + size_of_val(&self.id[..]) + size_of_val(&self.radii[..])) as u64
+        (columns + size_of_val(&self.radii[..])) as u64
     }
 
     #[inline(always)]
@@ -178,7 +188,7 @@ impl Pkd {
     /// `test` may shorten the ray.
     #[inline(always)]
     fn walk(&self, ray: &mut Ray, mut test: impl FnMut(&Self, usize, &mut Ray) -> bool) {
-        if self.id.is_empty() {
+        if self.ids.is_empty() {
             return;
         }
         let inv_direction = ray.inv_direction();
@@ -205,7 +215,7 @@ impl Pkd {
                 continue;
             }
             let child = 2 * node + 1;
-            let is_leaf = child >= self.id.len();
+            let is_leaf = child >= self.ids.len();
             if (region.test_only || is_leaf || self.options.order == Order::NodeFirst)
                 && test(self, node, ray)
             {
@@ -229,7 +239,7 @@ impl Pkd {
             near.t_far = near.t_far.min(t_split + t_margin);
             far.t_near = far.t_near.max(t_split - t_margin);
             // The last one pushed is walked first.
-            let exists = |side: &Region| side.node < self.id.len();
+            let exists = |side: &Region| side.node < self.ids.len();
             stack.extend(Some(far).filter(exists));
             if self.options.order == Order::NearChildFirst {
                 stack.push(Region { test_only: true, ..region });
@@ -254,7 +264,13 @@ struct Region {
 }
 
 /// Sorts the records in order: left subtree, node, right subtree.
-fn sort(records: &mut [Record], centers: Bounds, depth: u32, options: Options, progress: &dyn Progress) {
+fn sort<const N: usize>(
+    records: &mut [Record<N>],
+    centers: Bounds,
+    depth: u32,
+    options: Options,
+    progress: &dyn Progress,
+) {
     if records.len() < 2 || progress.cancelled() {
         return;
     }

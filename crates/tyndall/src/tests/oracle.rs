@@ -47,7 +47,7 @@ fn single_precision_finds_what_double_precision_finds() {
         let law = LAWS[seed as usize % LAWS.len()];
         let (particles, radii) = particles(law, 300, &mut random);
         let spheres = Spheres { particles: &particles, radii: &radii, radius_scale: 1.0 };
-        let structure = Structure::build(Kind::Bvh, spheres, &()).unwrap();
+        let structure = Structure::build(Kind::default(), particles.clone(), &radii, 1.0, &()).unwrap();
         let view = camera(&particles.bounds(), &mut random).view(DVec3::ZERO, 24, 24).unwrap();
         for pixel in 0..24 * 24 {
             let ray = view.ray((pixel % 24) as f32 + 0.5, (pixel / 24) as f32 + 0.5);

@@ -3,19 +3,20 @@
 use super::scenes::{LAWS, Law, Random, camera, particles};
 use crate::film::Image;
 use crate::math::Ray;
-use crate::particles::{Particles, Radii};
+use crate::particles::{Attribute, Columns, Particles, Positions, Radii, Values};
 use crate::render::{Renderer, Settings};
 use crate::scene::Scene;
 use crate::scene::camera::Camera;
-use crate::scene::color::ParticleColors;
+use crate::scene::color;
+use crate::scene::coloring::Range;
 use crate::scene::light::Lighting;
 use crate::structure::pkd::{Axis, Options, Order};
-use crate::structure::{Brute, Hit, Kind, Spheres, Structure};
+use crate::structure::{Hit, Kind, Packing, Structure};
 use fearless_simd::{Level, Simd};
 use glam::Vec3;
 
 const KINDS: [Kind; 6] = [
-    Kind::Bvh,
+    Kind::Bvh(Packing::Exact),
     Kind::Brute,
     Kind::Pkd(Options { axis: Axis::WidestExtent, order: Order::NodeFirst }),
     Kind::Pkd(Options { axis: Axis::WidestExtent, order: Order::NearChildFirst }),
@@ -25,15 +26,11 @@ const KINDS: [Kind; 6] = [
 
 const COUNTS: [usize; 10] = [0, 1, 2, 3, 16, 17, 100, 129, 700, 3000];
 
-fn scene<'a>(particles: &'a Particles, radii: &'a Radii, kind: Kind, lighting: Lighting) -> Scene<'a> {
-    let spheres = Spheres { particles, radii, radius_scale: 1.0 };
-    Scene {
-        spheres,
-        structure: Structure::build(kind, spheres, &()).unwrap(),
-        colors: ParticleColors::constant([0.7, 0.5, 0.2]),
-        lighting,
-        background: None,
-    }
+/// Every particle has a color of its own, of a few.
+fn scene(particles: &Particles, radii: &Radii, kind: Kind, lighting: Lighting) -> Scene {
+    let structure = Structure::build(kind, particles.clone(), radii, 1.0, &()).unwrap();
+    let colors = color::resolve(particles, &"radius".parse().unwrap(), None, None, Range::Auto).unwrap();
+    Scene::new(structure, colors, lighting, None)
 }
 
 fn image(scene: &Scene, camera: &Camera, settings: &Settings, level: Level) -> Image {
@@ -120,6 +117,43 @@ fn every_structure_casts_the_shadows_that_brute_force_casts() {
 }
 
 #[test]
+fn packed_particles_are_rendered_as_brute_force_renders_what_the_blocks_decode() {
+    for packing in [Packing::Bits16, Packing::Bits11, Packing::Bits8] {
+        for seed in 0..40 {
+            let mut random = Random::new(6000 + seed);
+            let law = LAWS[seed as usize % LAWS.len()];
+            let count = COUNTS[seed as usize / LAWS.len() % COUNTS.len()];
+            let (particles, radii) = particles(law, count, &mut random);
+            let packed = Structure::build(Kind::Bvh(packing), particles.clone(), &radii, 1.0, &()).unwrap();
+            let (decoded, decoded_radii) = decoded(&packed);
+            let camera = camera(&particles.bounds(), &mut random);
+            let settings = Settings { width: 21, height: 13, samples: 16, seed: seed as u32 };
+            for lighting in [Lighting::Headlight, Lighting::studio(Vec3::X, Vec3::NEG_Y, Vec3::Z)] {
+                let expected = scene(&decoded, &decoded_radii, Kind::Brute, lighting);
+                let expected = image(&expected, &camera, &settings, Level::new());
+                let colors = color::resolve(&decoded, &"radius".parse().unwrap(), None, None, Range::Auto);
+                let packed = Structure::build(Kind::Bvh(packing), particles.clone(), &radii, 1.0, &());
+                let packed = Scene::new(packed.unwrap(), colors.unwrap(), lighting, None);
+                let found = image(&packed, &camera, &settings, Level::new());
+                assert_eq!(differing_pixels(&expected, &found), 0, "seed {seed}: {law:?}, {packing:?}");
+            }
+        }
+    }
+}
+
+/// The particles as a structure holds them, in order of their ids.
+fn decoded(structure: &Structure) -> (Particles, Radii) {
+    let mut nodes: Vec<u32> = (0..structure.len() as u32).collect();
+    nodes.sort_by_key(|&node| structure.ids()[node as usize]);
+    let axis = |axis: usize| nodes.iter().map(|&node| structure.sphere(node).0[axis]).collect();
+    let positions = Positions::from_offsets(structure.origin(), [axis(0), axis(1), axis(2)]);
+    let radii = nodes.iter().map(|&node| structure.sphere(node).1).collect();
+    let attributes = vec![Attribute::new("radius", 1, Values::F32(radii))];
+    let particles = Particles::new(Columns { positions, attributes, ..Columns::default() }).unwrap();
+    (particles, Radii::PerParticle { attribute: 0, scale: 1.0 })
+}
+
+#[test]
 fn every_width_of_simd_renders_the_same_bits() {
     let widest = Level::new();
     let levels = [
@@ -133,13 +167,35 @@ fn every_width_of_simd_renders_the_same_bits() {
         let (particles, radii) = particles(LAWS[seed as usize % LAWS.len()], 1000, &mut random);
         let camera = camera(&particles.bounds(), &mut random);
         let settings = Settings { width: 33, height: 20, samples: 20, seed: seed as u32 };
-        let scene = scene(&particles, &radii, Kind::Bvh, Lighting::studio(Vec3::X, Vec3::NEG_Y, Vec3::Z));
+        let scene =
+            scene(&particles, &radii, Kind::default(), Lighting::studio(Vec3::X, Vec3::NEG_Y, Vec3::Z));
         let expected = image(&scene, &camera, &settings, levels[0].expect("the baseline is always there"));
         for level in levels.into_iter().flatten() {
             let differing = differing_pixels(&expected, &image(&scene, &camera, &settings, level));
             assert_eq!(differing, 0, "seed {seed}, {level:?}");
         }
     }
+}
+
+#[test]
+fn a_renderer_that_starts_anew_forgets_what_it_saw() {
+    let mut random = Random::new(91);
+    let (particles, radii) = particles(Law::MixedRadii, 500, &mut random);
+    let settings = Settings { width: 40, height: 30, samples: 5, seed: 2 };
+    let scene = scene(&particles, &radii, Kind::default(), Lighting::Headlight);
+    let [first, second] = [0, 1].map(|_| camera(&particles.bounds(), &mut random));
+    let expected = image(&scene, &second, &settings, Level::new());
+    let mut renderer = Renderer::new(&scene, &first, &settings).unwrap();
+    assert!(renderer.image().shows_nothing(), "no pass, no picture");
+    renderer.pass(&()).unwrap();
+    renderer.restart(&second).unwrap();
+    assert!(renderer.image().shows_nothing(), "no pass, no picture");
+    while !renderer.is_done() {
+        renderer.pass(&()).unwrap();
+    }
+    let mut found = image(&scene, &first, &settings, Level::new());
+    renderer.image_into(&mut found);
+    assert_eq!(differing_pixels(&expected, &found), 0);
 }
 
 #[test]
@@ -151,7 +207,8 @@ fn one_thread_and_two_render_the_same_bits() {
     let rendered = [1, 2].map(|threads| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         pool.install(|| {
-            let scene = scene(&particles, &radii, Kind::Bvh, Lighting::studio(Vec3::X, Vec3::NEG_Y, Vec3::Z));
+            let scene =
+                scene(&particles, &radii, Kind::default(), Lighting::studio(Vec3::X, Vec3::NEG_Y, Vec3::Z));
             image(&scene, &camera, &settings, Level::new())
         })
     });
@@ -165,16 +222,16 @@ fn rays_find_what_brute_force_finds() {
         let law = LAWS[seed as usize % LAWS.len()];
         let count = COUNTS[random.below(COUNTS.len() as u32) as usize];
         let (particles, radii) = particles(law, count, &mut random);
-        let spheres = Spheres { particles: &particles, radii: &radii, radius_scale: 1.0 };
-        let brute = Brute::new(spheres);
-        let structures = KINDS.map(|kind| Structure::build(kind, spheres, &()).unwrap());
+        let build = |kind| Structure::build(kind, particles.clone(), &radii, 1.0, &()).unwrap();
+        let brute = build(Kind::Brute);
+        let structures = KINDS.map(build);
         let size = particles.bounds().extent().max_element().max(1e-30);
         for _ in 0..50 {
             let axis = [Vec3::X, Vec3::NEG_Y, Vec3::Z][random.below(3) as usize];
             let any = random.vector();
             let direction = if random.below(4) == 0 { axis } else { any.normalize_or(Vec3::Z) };
             let origin = if random.below(3) == 0 && count > 0 {
-                spheres.center(random.below(count as u32) as usize)
+                brute.sphere(random.below(count as u32)).0
             } else {
                 random.vector() * size
             };
@@ -183,6 +240,8 @@ fn rays_find_what_brute_force_finds() {
             let except = (random.below(2) == 0 && count > 0).then(|| random.below(count as u32));
             let expected = brute.intersect(&ray, except);
             for (kind, structure) in KINDS.iter().zip(&structures) {
+                let except = except.and_then(|id| structure.ids().iter().position(|&it| it == id));
+                let except = except.map(|node| node as u32);
                 let found = structure.intersect(&ray, except);
                 let of = |hit: Option<Hit>| hit.map(|hit| (hit.t, hit.id));
                 assert_eq!(of(found), of(expected), "seed {seed}: {law:?}, {kind:?}, {ray:?}");
@@ -192,7 +251,7 @@ fn rays_find_what_brute_force_finds() {
                     "seed {seed}: {law:?}, {kind:?}"
                 );
                 if let Some(hit) = found {
-                    assert_eq!(structure.sphere(hit.node).2, hit.id, "seed {seed}: {law:?}, {kind:?}");
+                    assert_eq!(structure.ids()[hit.node as usize], hit.id, "seed {seed}: {law:?}, {kind:?}");
                 }
             }
         }

@@ -8,7 +8,7 @@ use tyndall::scene::Scene;
 use tyndall::scene::camera::{Camera, Projection};
 use tyndall::scene::color::ParticleColors;
 use tyndall::scene::light::{KeyLight, Lighting, Sky};
-use tyndall::structure::{Kind, Spheres, Structure};
+use tyndall::structure::{Kind, Structure};
 use tyndall::{DVec3, Image, Vec3};
 
 /// Renders spheres (center, radius 1 unless told) seen along -z from z = 10, orthographic, four units high.
@@ -17,14 +17,9 @@ fn picture(centers: &[DVec3], radius: f32, lighting: Lighting, samples: u32) -> 
     positions.extend(centers);
     let particles = Particles::new(Columns { positions, ..Columns::default() }).unwrap();
     let radii = Radii::Uniform(radius);
-    let spheres = Spheres { particles: &particles, radii: &radii, radius_scale: 1.0 };
-    let scene = Scene {
-        spheres,
-        structure: Structure::build(Kind::Bvh, spheres, &()).unwrap(),
-        colors: ParticleColors::constant([1.0, 0.5, 0.25]),
-        lighting,
-        background: None,
-    };
+    let structure = Structure::build(Kind::default(), particles, &radii, 1.0, &()).unwrap();
+    let colors = ParticleColors::constant([1.0, 0.5, 0.25]);
+    let scene = Scene::new(structure, colors, lighting, None);
     let camera = Camera {
         eye: DVec3::new(0.0, 0.0, 10.0),
         look_at: DVec3::ZERO,

@@ -11,7 +11,7 @@ use super::FILM_PIXELS;
 use super::shadows::{self, Points};
 use super::tiles::RAYS;
 use crate::math::Ray;
-use crate::structure::Structure;
+use crate::structure::{Store, Structure};
 
 /// What one sample of every pixel of a film tile met, as columns of which the first `count` places count.
 pub(super) struct Surfaces {
@@ -110,9 +110,9 @@ pub(super) fn gather<S: Simd>(
             points.on[lane] = surfaces.node[place];
         }
         let all = ((1_u64 << packet.len()) - 1) as u32;
-        let lit = match structure {
-            Structure::Bvh(bvh) => shadows::unoccluded(simd, bvh, toward, &points, all, stack),
-            structure => unoccluded(structure, toward, &points, packet.len()),
+        let lit = match &structure.store {
+            Store::Bvh(bvh) => shadows::unoccluded(simd, bvh, toward, &points, all, stack),
+            _ => unoccluded(structure, toward, &points, packet.len()),
         };
         for (lane, &k) in packet.iter().enumerate() {
             if lit >> lane & 1 == 1 {
@@ -133,8 +133,7 @@ fn unoccluded(structure: &Structure, toward: Vec3, points: &Points, count: usize
         let [x, y, z] = &points.position;
         let origin = Vec3::new(x[lane], y[lane], z[lane]);
         let ray = Ray { origin, direction: toward, t_min: 0.0, t_max: f32::INFINITY };
-        let on = structure.sphere(points.on[lane]).2;
-        lit |= u32::from(!structure.occluded(&ray, Some(on))) << lane;
+        lit |= u32::from(!structure.occluded(&ray, Some(points.on[lane]))) << lane;
     }
     lit
 }

@@ -10,7 +10,7 @@ use glam::Vec3;
 use super::tiles::RAYS;
 use crate::math::HIT_ROUNDING;
 use crate::simd::{Ball, Lanes3, Reach, enter_sphere, grown};
-use crate::structure::bvh::{Bvh, LEAF, LEAF_BIT, push_sorted};
+use crate::structure::bvh::{Bvh, LEAF, Place, push_sorted};
 
 /// Points from which light is looked for, by axis, and the nodes of the particles on which they lie, which do not shadow them.
 #[derive(Clone, Copy)]
@@ -104,9 +104,7 @@ pub(super) fn unoccluded<S: Simd>(
     mut lit: u32,
     stack: &mut Vec<Entry>,
 ) -> u32 {
-    if lit == 0 || bvh.nodes.is_empty() {
-        return lit;
-    }
+    let Some(root) = bvh.root().filter(|_| lit != 0) else { return lit };
     let one = lit.trailing_zeros() as usize;
     let origin = Vec3::new(points.position[0][one], points.position[1][one], points.position[2][one]);
     let offset = Lanes3::load(simd, &points.position).minus(Lanes3::splat(simd, origin));
@@ -117,16 +115,16 @@ pub(super) fn unoccluded<S: Simd>(
     let span = Span::of(simd, &projected, lit);
 
     stack.clear();
-    stack.push(Entry { distance: 0.0, child: 0, lanes: lit });
-    while let Some(Entry { child, lanes, .. }) = stack.pop() {
+    stack.push(Entry { distance: 0.0, place: root, lanes: lit });
+    while let Some(Entry { place, lanes, .. }) = stack.pop() {
         let lanes = lanes & lit;
         if lanes == 0 {
             continue;
         }
-        if child & LEAF_BIT == 0 {
-            push_children(simd, bvh, child, &light, &span, &projected, lanes, stack);
+        if place.level > 0 {
+            push_children(simd, bvh, place, &light, &span, &projected, lanes, stack);
         } else {
-            lit &= !shadow_of_leaf(simd, bvh, (child & !LEAF_BIT) as usize, &light, &span, points, lanes);
+            lit &= !shadow_of_leaf(simd, bvh, place.index as usize, &light, &span, points, lanes);
             if lit == 0 {
                 return 0;
             }
@@ -140,7 +138,7 @@ pub(super) fn unoccluded<S: Simd>(
 pub(super) struct Entry {
     /// From the points to its middle, along the direction.
     distance: f32,
-    child: u32,
+    place: Place,
     lanes: u32,
 }
 
@@ -158,18 +156,17 @@ fn farthest<S: Simd>(simd: S, offset: &Lanes3<f32x16<S>>, lit: u32) -> f32 {
 fn push_children<S: Simd>(
     simd: S,
     bvh: &Bvh,
-    child: u32,
+    place: Place,
     light: &Light,
     span: &Span,
     projected: &Lanes3<f32x16<S>>,
     lanes: u32,
     stack: &mut Vec<Entry>,
 ) {
-    let node = &bvh.nodes[child as usize];
-    let (center, half) = node.decode(simd, light.origin, HIT_ROUNDING * light.spread + bvh.slack);
+    let (center, half) = bvh.node(place).decode(simd, light.origin, HIT_ROUNDING * light.spread + bvh.slack);
     let center = light.project(simd, center);
     let reach = light.reach(simd, half);
-    let mut kept = span.meets(simd, &center, &reach) & node.existing();
+    let mut kept = span.meets(simd, &center, &reach) & bvh.existing(place);
     let (x, y, z) = (center.x.to_array(), center.y.to_array(), center.z.to_array());
     let (reach_x, reach_y, reach_z) = (reach.x.to_array(), reach.y.to_array(), reach.z.to_array());
     let first = stack.len();
@@ -186,7 +183,7 @@ fn push_children<S: Simd>(
         if lanes == 0 {
             continue;
         }
-        let entry = Entry { distance: z[child].abs(), child: node.child(child), lanes };
+        let entry = Entry { distance: z[child].abs(), place: bvh.child(place, child), lanes };
         push_sorted(stack, first, entry, |entry| entry.distance);
     }
 }
@@ -196,16 +193,15 @@ fn push_children<S: Simd>(
 fn shadow_of_leaf<S: Simd>(
     simd: S,
     bvh: &Bvh,
-    place: usize,
+    leaf: usize,
     light: &Light,
     span: &Span,
     points: &Points,
     lanes: u32,
 ) -> u32 {
-    let leaf = &bvh.leaves[place];
-    let radius = bvh.radii(simd, place);
+    let radius = bvh.radii(simd, leaf);
     let direction = Lanes3::splat(simd, light.toward);
-    let particles = Lanes3::load(simd, &leaf.center);
+    let particles = bvh.centers(simd, leaf);
     let center = particles.minus(Lanes3::splat(simd, light.origin));
     let ball = Ball(grown(simd, radius, center, light.spread));
     let mut kept = span.meets(simd, &light.project(simd, center), &light.reach(simd, ball));
@@ -213,7 +209,7 @@ fn shadow_of_leaf<S: Simd>(
     let mut shadowed = 0;
     if lanes.count_ones() < kept.count_ones() {
         // Few points: each against the sixteen particles.
-        let first = (place * LEAF) as u32;
+        let first = (leaf * LEAF) as u32;
         let nodes = u32x16::load_array(simd, std::array::from_fn(|k| first + k as u32));
         let mut left = lanes;
         while left != 0 {
@@ -230,14 +226,14 @@ fn shadow_of_leaf<S: Simd>(
         let on = u32x16::load_array_ref(simd, &points.on);
         let origin = Lanes3::load(simd, &points.position);
         let radius = radius.to_array();
+        let [x, y, z] = &particles.to_arrays();
         while kept != 0 && shadowed & lanes != lanes {
             let lane = kept.trailing_zeros() as usize;
             kept &= kept - 1;
-            let [x, y, z] = &leaf.center;
             let center = Lanes3::splat(simd, Vec3::new(x[lane], y[lane], z[lane]));
             let radius_sq = f32x16::splat(simd, radius[lane] * radius[lane]);
             let (t, meets) = enter_sphere(simd, center.minus(origin), direction, radius_sq);
-            let other = !on.simd_eq(u32x16::splat(simd, (place * LEAF + lane) as u32));
+            let other = !on.simd_eq(u32x16::splat(simd, (leaf * LEAF + lane) as u32));
             shadowed |= (other & meets & zero.simd_lt(t)).to_bitmask() as u32;
         }
     }

@@ -1,0 +1,257 @@
+//! Blocks: the centers of sixteen particles side by side, as they are or packed.
+//!
+//! A packed block holds whole numbers of steps from its corner. The step is a power of two, so that center = corner + number * step
+//! is rounded once. What the block gives back is what is rendered: boxes, walks and shading all decode the same centers.
+
+use fearless_simd::{f32x16, prelude::*, u32x16};
+use glam::Vec3;
+
+use super::LEAF;
+use crate::math::Bounds;
+use crate::simd::{Lanes3, floats_of_bytes, floats_of_words};
+
+/// How a block holds the centers of its particles.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Packing {
+    /// As they are: 12 bytes a particle.
+    #[default]
+    Exact,
+    /// 16 bits a coordinate: 7 bytes a particle.
+    Bits16,
+    /// 11, 11 and 10 bits: 5 bytes a particle.
+    Bits11,
+    /// 8 bits a coordinate: 4 bytes a particle.
+    Bits8,
+}
+
+/// Sixteen centers, or fewer in the last block.
+pub(crate) trait Block: Copy + Send + Sync {
+    /// Holds `centers`, at least one and at most sixteen.
+    fn encode(centers: &[Vec3]) -> Self;
+
+    /// The center at `place`.
+    fn center(&self, place: usize) -> Vec3;
+
+    /// All centers; places that are left over hold NaN, which no test accepts.
+    fn centers<S: Simd>(&self, simd: S) -> Lanes3<f32x16<S>>;
+}
+
+/// Centers as they are.
+#[derive(Clone, Copy)]
+#[repr(align(64))]
+pub(crate) struct Exact([[f32; LEAF]; 3]);
+
+impl Block for Exact {
+    fn encode(centers: &[Vec3]) -> Self {
+        let mut block = Self([[f32::NAN; LEAF]; 3]);
+        for (place, center) in centers.iter().enumerate() {
+            for axis in 0..3 {
+                block.0[axis][place] = center[axis];
+            }
+        }
+        block
+    }
+
+    #[inline(always)]
+    fn center(&self, place: usize) -> Vec3 {
+        Vec3::new(self.0[0][place], self.0[1][place], self.0[2][place])
+    }
+
+    #[inline(always)]
+    fn centers<S: Simd>(&self, simd: S) -> Lanes3<f32x16<S>> {
+        Lanes3::load(simd, &self.0)
+    }
+}
+
+/// Where a packed block lies, how long its steps are, and how many particles it holds.
+#[derive(Clone, Copy)]
+struct Frame {
+    corner: [f32; 3],
+    /// Biased exponents of the steps.
+    exponent: [u8; 3],
+    count: u8,
+}
+
+/// The power of two with this biased exponent.
+#[inline(always)]
+pub(super) fn power_of_two(exponent: u8) -> f32 {
+    f32::from_bits(u32::from(exponent) << 23)
+}
+
+/// The biased exponent of the least power of two of which `steps` reach as far as `extent`.
+pub(super) fn step_exponent(extent: f32, steps: f32) -> u8 {
+    let least = extent / steps;
+    let exponent = (least.to_bits() >> 23).clamp(1, 254) as u8;
+    if power_of_two(exponent) < least && exponent < 254 { exponent + 1 } else { exponent }
+}
+
+impl Frame {
+    /// Around `centers`, with as many steps along each axis as `steps` says.
+    fn around(centers: &[Vec3], steps: [f32; 3]) -> Self {
+        let bounds = centers.iter().fold(Bounds::EMPTY, |bounds, &center| bounds.with(center));
+        let exponent = std::array::from_fn(|axis| step_exponent(bounds.extent()[axis], steps[axis]));
+        Self { corner: bounds.min.to_array(), exponent, count: centers.len() as u8 }
+    }
+
+    /// How many steps from the corner `center` lies along `axis`, at most `most`.
+    fn steps(&self, center: Vec3, axis: usize, most: f32) -> u32 {
+        let steps = (center[axis] - self.corner[axis]) / power_of_two(self.exponent[axis]);
+        steps.round().clamp(0.0, most) as u32
+    }
+
+    #[inline(always)]
+    fn coordinate(&self, axis: usize, steps: u32) -> f32 {
+        self.corner[axis] + steps as f32 * power_of_two(self.exponent[axis])
+    }
+
+    /// Coordinates along one axis; NaN at the places that are left over.
+    #[inline(always)]
+    fn coordinates<S: Simd>(&self, simd: S, axis: usize, steps: f32x16<S>) -> f32x16<S> {
+        let step = f32x16::splat(simd, power_of_two(self.exponent[axis]));
+        let coordinates = steps * step + f32x16::splat(simd, self.corner[axis]);
+        if (self.count as usize) < LEAF {
+            let mut coordinates = coordinates.to_array();
+            coordinates[self.count as usize..].fill(f32::NAN);
+            return f32x16::load_array(simd, coordinates);
+        }
+        coordinates
+    }
+}
+
+/// A frame and columns of unsigned numbers.
+#[derive(Clone, Copy)]
+pub(crate) struct Columns<T> {
+    frame: Frame,
+    steps: [[T; LEAF]; 3],
+}
+
+macro_rules! columns_block {
+    ($number:ty, $floats:ident) => {
+        impl Block for Columns<$number> {
+            fn encode(centers: &[Vec3]) -> Self {
+                let most = <$number>::MAX as f32;
+                let frame = Frame::around(centers, [most; 3]);
+                let mut steps = [[0; LEAF]; 3];
+                for (place, &center) in centers.iter().enumerate() {
+                    for axis in 0..3 {
+                        steps[axis][place] = frame.steps(center, axis, most) as $number;
+                    }
+                }
+                Self { frame, steps }
+            }
+
+            #[inline(always)]
+            fn center(&self, place: usize) -> Vec3 {
+                let coordinate =
+                    |axis: usize| self.frame.coordinate(axis, u32::from(self.steps[axis][place]));
+                Vec3::new(coordinate(0), coordinate(1), coordinate(2))
+            }
+
+            #[inline(always)]
+            fn centers<S: Simd>(&self, simd: S) -> Lanes3<f32x16<S>> {
+                let [x, y, z] = &self.steps;
+                Lanes3 {
+                    x: self.frame.coordinates(simd, 0, $floats(simd, x)),
+                    y: self.frame.coordinates(simd, 1, $floats(simd, y)),
+                    z: self.frame.coordinates(simd, 2, $floats(simd, z)),
+                }
+            }
+        }
+    };
+}
+
+columns_block!(u16, floats_of_words);
+columns_block!(u8, floats_of_bytes);
+
+/// A frame and one word a particle: 11 bits of x, 11 of y, 10 of z.
+#[derive(Clone, Copy)]
+pub(crate) struct Words {
+    frame: Frame,
+    words: [u32; LEAF],
+}
+
+/// First bit and number of bits of each axis in a word.
+const WORD: [(u32, u32); 3] = [(0, 11), (11, 11), (22, 10)];
+
+/// The steps along `axis` in a word.
+#[inline(always)]
+fn of_word(word: u32, axis: usize) -> u32 {
+    let (first, bits) = WORD[axis];
+    word >> first & ((1 << bits) - 1)
+}
+
+/// [`of_word`] on lanes.
+#[inline(always)]
+fn steps_of_words<S: Simd>(simd: S, words: u32x16<S>, axis: usize) -> f32x16<S> {
+    let (first, bits) = WORD[axis];
+    f32x16::float_from((words >> first) & u32x16::splat(simd, (1 << bits) - 1))
+}
+
+impl Block for Words {
+    fn encode(centers: &[Vec3]) -> Self {
+        let most = WORD.map(|(_, bits)| ((1 << bits) - 1) as f32);
+        let frame = Frame::around(centers, most);
+        let mut words = [0; LEAF];
+        for (word, &center) in words.iter_mut().zip(centers) {
+            for (axis, (first, _)) in WORD.into_iter().enumerate() {
+                *word |= frame.steps(center, axis, most[axis]) << first;
+            }
+        }
+        Self { frame, words }
+    }
+
+    #[inline(always)]
+    fn center(&self, place: usize) -> Vec3 {
+        let coordinate = |axis: usize| self.frame.coordinate(axis, of_word(self.words[place], axis));
+        Vec3::new(coordinate(0), coordinate(1), coordinate(2))
+    }
+
+    #[inline(always)]
+    fn centers<S: Simd>(&self, simd: S) -> Lanes3<f32x16<S>> {
+        let words = u32x16::load_array_ref(simd, &self.words);
+        Lanes3 {
+            x: self.frame.coordinates(simd, 0, steps_of_words(simd, words, 0)),
+            y: self.frame.coordinates(simd, 1, steps_of_words(simd, words, 1)),
+            z: self.frame.coordinates(simd, 2, steps_of_words(simd, words, 2)),
+        }
+    }
+}
+
+/// The blocks of a tree, all of one packing.
+pub(crate) enum Blocks {
+    Exact(Vec<Exact>),
+    Bits16(Vec<Columns<u16>>),
+    Bits11(Vec<Words>),
+    Bits8(Vec<Columns<u8>>),
+}
+
+/// Runs the same expression on whichever vector `Blocks` holds.
+macro_rules! each_blocks {
+    ($blocks:expr, $held:ident => $body:expr) => {
+        match $blocks {
+            Blocks::Exact($held) => $body,
+            Blocks::Bits16($held) => $body,
+            Blocks::Bits11($held) => $body,
+            Blocks::Bits8($held) => $body,
+        }
+    };
+}
+
+impl Blocks {
+    /// The centers of a block.
+    #[inline(always)]
+    pub(crate) fn centers<S: Simd>(&self, simd: S, block: usize) -> Lanes3<f32x16<S>> {
+        each_blocks!(self, blocks => blocks[block].centers(simd))
+    }
+
+    /// The center at `place` of a block.
+    #[inline(always)]
+    pub(crate) fn center(&self, block: usize, place: usize) -> Vec3 {
+        each_blocks!(self, blocks => blocks[block].center(place))
+    }
+
+    /// Memory they take, in bytes.
+    pub(super) fn bytes(&self) -> usize {
+        each_blocks!(self, blocks => size_of_val(&blocks[..]))
+    }
+}

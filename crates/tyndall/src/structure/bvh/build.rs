@@ -1,0 +1,133 @@
+//! Building: the particles are sorted so that every leaf and every node is a run of them, then all is written level by level.
+//!
+//! Cuts go along the widest axis and depend on counts alone: a share of a node is a full subtree, but for the last.
+
+use glam::Vec3;
+use rayon::prelude::*;
+
+use super::block::{Block, Blocks, Packing};
+use super::sizes::Sizes;
+use super::{Bvh, LEAF, LEVELS, Node, WIDTH, box_slack};
+use crate::error::{Error, Result};
+use crate::math::Bounds;
+use crate::progress::Progress;
+use crate::structure::build::{Record, cut, widest};
+use crate::structure::pages;
+
+/// Below this many particles a subtree is sorted by one thread.
+const PARALLEL_COUNT: usize = 1 << 14;
+/// Progress is told for subtrees with children of this many particles.
+const TOLD_SHARE: usize = LEAF * WIDTH * WIDTH;
+
+impl Bvh {
+    /// Builds over `records`, in parallel; `radius` is that of all where the records have none. Fails only when interrupted.
+    pub(in crate::structure) fn build<const N: usize>(
+        mut records: Vec<Record<N>>,
+        radius: f32,
+        packing: Packing,
+        progress: &dyn Progress,
+    ) -> Result<Self> {
+        sort(&mut records, progress);
+        if progress.cancelled() {
+            return Err(Error::Interrupted);
+        }
+        let sizes = if N > 3 {
+            let radii: Vec<f32> = records.par_iter().map(|record| record.radius(radius)).collect();
+            Sizes::encode(&radii, packing)
+        } else {
+            Sizes::Uniform(radius)
+        };
+        let blocks = match packing {
+            Packing::Exact => Blocks::Exact(encode(&records)),
+            Packing::Bits16 => Blocks::Bits16(encode(&records)),
+            Packing::Bits11 => Blocks::Bits11(encode(&records)),
+            Packing::Bits8 => Blocks::Bits8(encode(&records)),
+        };
+        let ids: Vec<u32> = records.par_iter().map(|record| record.id).collect();
+        drop(records);
+        Ok(Self::over(blocks, sizes, ids))
+    }
+
+    /// Puts nodes over leaves.
+    fn over(blocks: Blocks, sizes: Sizes, ids: Vec<u32>) -> Self {
+        let (mut first, mut count) = ([0; LEVELS], [0; LEVELS]);
+        count[0] = ids.len().div_ceil(LEAF) as u32;
+        let mut boxes: Vec<Bounds> = (0..count[0] as usize)
+            .into_par_iter()
+            .with_min_len(1 << 10)
+            .map(|leaf| {
+                let places = 0..LEAF.min(ids.len() - leaf * LEAF);
+                let sphere = |place| {
+                    let center = blocks.center(leaf, place);
+                    Bounds { min: center, max: center }.grown(sizes.radius(leaf, place))
+                };
+                places.map(sphere).fold(Bounds::EMPTY, Bounds::union)
+            })
+            .collect();
+        let mut nodes: Vec<Node> = Vec::new();
+        let mut top = 0;
+        while boxes.len() > 1 || (top == 0 && !boxes.is_empty()) {
+            top += 1;
+            first[top] = nodes.len() as u32;
+            nodes.par_extend(boxes.par_chunks(WIDTH).map(Node::encode));
+            boxes = boxes
+                .par_chunks(WIDTH)
+                .map(|boxes| boxes.iter().copied().fold(Bounds::EMPTY, Bounds::union))
+                .collect();
+            count[top] = boxes.len() as u32;
+        }
+        let bounds = boxes.first().copied().unwrap_or(Bounds::EMPTY);
+        let slack = box_slack(&bounds);
+        Self { nodes, first, count, top: top as u8, blocks, sizes, ids, slack, bounds }
+    }
+}
+
+/// Sorts records so that each full subtree is a run of them.
+fn sort<const N: usize>(records: &mut [Record<N>], progress: &dyn Progress) {
+    if progress.cancelled() {
+        return;
+    }
+    let mut share = LEAF;
+    while share * WIDTH < records.len() {
+        share *= WIDTH;
+    }
+    cut_shares(records, share);
+    if share > PARALLEL_COUNT {
+        records.par_chunks_mut(share).for_each(|records| sort(records, progress));
+    } else if share > LEAF {
+        records.chunks_mut(share).for_each(|records| sort(records, progress));
+    }
+    if share == TOLD_SHARE {
+        progress.advance(records.len() as u64);
+    }
+}
+
+/// Permutes `records` so that each run of `share` lies together, by cuts along the widest axis, half of the runs at a time.
+fn cut_shares<const N: usize>(records: &mut [Record<N>], share: usize) {
+    let shares = records.len().div_ceil(share);
+    if shares < 2 {
+        return;
+    }
+    let left_count = shares.div_ceil(2) * share;
+    let axis = widest(records);
+    cut(records, axis, left_count);
+    let (left, right) = records.split_at_mut(left_count);
+    if left_count > PARALLEL_COUNT {
+        rayon::join(|| cut_shares(left, share), || cut_shares(right, share));
+    } else {
+        cut_shares(left, share);
+        cut_shares(right, share);
+    }
+}
+
+/// Packs sorted records, sixteen a block.
+fn encode<B: Block, const N: usize>(records: &[Record<N>]) -> Vec<B> {
+    let block = |records: &[Record<N>]| {
+        let mut centers = [Vec3::ZERO; LEAF];
+        for (center, record) in centers.iter_mut().zip(records) {
+            *center = record.center();
+        }
+        B::encode(&centers[..records.len()])
+    };
+    pages::collect(records.par_chunks(LEAF).with_min_len(1 << 10).map(block))
+}
