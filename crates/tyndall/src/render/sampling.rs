@@ -20,6 +20,13 @@ pub(crate) fn point(seed: u32, dimension: Dimension, stream: u32, index: u32) ->
     [unit(x), unit(y)]
 }
 
+/// Point `index` of a decision that is taken together with others: the points come in another order, shuffled within every aligned
+/// run of 2^k. Without that the halves in which two decisions of a sample fall would always belong together.
+pub(crate) fn shuffled_point(seed: u32, dimension: Dimension, stream: u32, index: u32) -> [f32; 2] {
+    let shuffle = mix(!seed ^ mix(stream.wrapping_mul(4) + dimension as u32));
+    point(seed, dimension, stream, owen(index, shuffle))
+}
+
 /// The second dimension of the Sobol sequence as a 32-bit fraction; the first is the reversed index.
 fn second_sobol(mut index: u32) -> u32 {
     let (mut fraction, mut column) = (0, 1 << 31);
@@ -75,6 +82,31 @@ mod tests {
                     *stratum = true;
                 }
             }
+        }
+    }
+
+    #[test]
+    fn shuffled_dimensions_are_stratified_and_unrelated() {
+        // Streams in which two decisions of sixteen samples fall into halves of their intervals that always belong together.
+        let tied = |key: fn(u32, Dimension, u32, u32) -> [f32; 2]| {
+            let is_tied = |stream: &u32| {
+                let same = |index: &u32| {
+                    let pixel = point(3, Dimension::Pixel, *stream, *index)[0] < 0.5;
+                    pixel == (key(3, Dimension::Key, *stream, *index)[0] < 0.5)
+                };
+                [0, 16].contains(&(0..16).filter(same).count())
+            };
+            (0..200).filter(is_tied).count()
+        };
+        assert_eq!(tied(point), 200);
+        assert!(tied(shuffled_point) < 10, "{}", tied(shuffled_point));
+        for stream in 0..200 {
+            let mut seen = [[false; 4]; 4];
+            for index in 16..32 {
+                let [x, y] = shuffled_point(3, Dimension::Key, stream, index);
+                seen[(y * 4.0) as usize][(x * 4.0) as usize] = true;
+            }
+            assert_eq!(seen, [[true; 4]; 4], "stream {stream}");
         }
     }
 

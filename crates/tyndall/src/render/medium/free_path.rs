@@ -140,8 +140,8 @@ impl<'a> Tracker<'a> {
         let mut weight = Vec3::ONE;
         let mut control_column = 0.0;
         let mut depth = exponential(stream);
-        for Step { at, from, to } in path.bricks(grid) {
-            let brick = at.map(|it| it as u32);
+        for step in path.bricks(grid) {
+            let (brick, Step { from, to, .. }) = (step.brick(), step);
             let range = grid.brick_range(brick);
             if range.max == 0.0 {
                 continue;
@@ -217,62 +217,96 @@ impl<'a> Tracker<'a> {
         }
     }
 
-    /// A distance at which light interacts, given that it does before it leaves: distance and weight. `column` is that of the
-    /// whole ray and not 0; `random` lies in [0, 1).
-    pub(super) fn forced(&self, ray: &Ray, column: f32, random: [f32; 2]) -> Option<(f32, Vec3)> {
-        let path = Path::new(self.medium, ray)?;
-        let met = Vec3::ONE - self.through(column);
+    /// Integrates along `ray`, and keeps what [`Tracker::forced`] needs.
+    pub(super) fn cross(&self, ray: &Ray, crossing: &mut Crossing) {
+        crossing.bricks.clear();
+        crossing.column = 0.0;
+        let Some(path) = Path::new(self.medium, ray) else { return };
+        crossing.path = path;
+        for step in path.bricks(self.medium.density()) {
+            if self.is_empty(&step) {
+                continue;
+            }
+            crossing.bricks.push((step, crossing.column));
+            if let Reached::End { column } = self.in_brick(&path, &step, crossing.column, f32::INFINITY) {
+                crossing.column = column;
+            }
+        }
+    }
+
+    /// A distance along a ray at which light interacts, given that it does before it leaves, and its weight; for two random
+    /// numbers in [0, 1). The ray's column must not be 0.
+    pub(super) fn forced(&self, crossing: &Crossing, random: [f32; 2]) -> (f32, Vec3) {
+        let met = Vec3::ONE - self.through(crossing.column);
         let chance = chances(met);
         let channel = if self.is_grey { 0 } else { pick(chance, random[1]) };
-        let extinction = self.extinction[channel];
-        let target = -(-random[0] * met[channel]).ln_1p() / extinction;
+        let target = -(-random[0] * met[channel]).ln_1p() / self.extinction[channel];
         let weight = if self.is_grey {
             met
         } else {
             let density = self.extinction * self.through(target);
             density / (chance * density / met.max(Vec3::splat(f32::MIN_POSITIVE))).element_sum()
         };
-        match self.advance(&path, target) {
-            Reached::At { distance } => Some((path.enter + distance, weight)),
-            // The target lies before the end, but for rounding.
-            Reached::End { .. } => Some((path.enter + path.length, weight)),
-        }
+        let place = crossing.bricks.partition_point(|(_, column)| *column <= target).max(1) - 1;
+        let (step, column) = &crossing.bricks[place];
+        let distance = match self.in_brick(&crossing.path, step, *column, target) {
+            Reached::At { distance } => distance,
+            // The target lies in the brick, but for rounding.
+            Reached::End { .. } => step.to,
+        };
+        (crossing.path.enter + distance, weight)
     }
 
     /// Follows `path` until its column is `target`, or to its end.
     fn advance(&self, path: &Path, target: f32) -> Reached {
-        let grid = self.medium.density();
-        let mut column = 0.0;
-        for Step { at, from, to } in path.bricks(grid) {
-            let brick = at.map(|it| it as u32);
-            let range = grid.brick_range(brick);
-            if range.max == 0.0 {
+        let mut sum = 0.0;
+        for step in path.bricks(self.medium.density()) {
+            if self.is_empty(&step) {
                 continue;
             }
-            // A brick of one density is one cell.
-            if range.min == range.max {
-                let added = range.max * (to - from);
-                if column + added >= target {
-                    return Reached::At { distance: (from + (target - column) / range.max).min(to) };
-                }
-                column += added;
-                continue;
+            match self.in_brick(path, &step, sum, target) {
+                Reached::End { column } => sum = column,
+                reached @ Reached::At { .. } => return reached,
             }
-            let samples = Brick::new(grid, brick);
-            let mut near = samples.density(path.at(from));
-            for cell in samples.steps(path, [from, to]) {
-                let length = cell.to - cell.from;
-                // Along a ray the field of a cell is a cubic: three points integrate it exactly (Simpson's rule).
-                let [center, far] = samples.pair(path, cell.at, [cell.from + 0.5 * length, cell.to]);
-                let added = length / 6.0 * (near + 4.0 * center + far);
-                if column + added >= target && added > 0.0 {
-                    let [quarter, _] = samples.pair(path, cell.at, [cell.from + 0.25 * length; 2]);
-                    let share = solve([near, quarter, center, far], (target - column) / length);
-                    return Reached::At { distance: cell.from + share * length };
-                }
-                column += added;
-                near = far;
+        }
+        Reached::End { column: sum }
+    }
+
+    /// Whether there is no density in a brick.
+    #[inline(always)]
+    fn is_empty(&self, step: &Step) -> bool {
+        self.medium.density().brick_range(step.brick()).max == 0.0
+    }
+
+    /// Follows `path` through a brick, from the column that it has there, until it is `target` or to the brick's end.
+    #[inline(always)]
+    fn in_brick(&self, path: &Path, step: &Step, column: f32, target: f32) -> Reached {
+        let Step { from, to, .. } = *step;
+        let (grid, brick) = (self.medium.density(), step.brick());
+        let range = grid.brick_range(brick);
+        // A brick of one density is one cell.
+        if range.min == range.max {
+            let added = range.max * (to - from);
+            if column + added >= target {
+                return Reached::At { distance: (from + (target - column) / range.max).min(to) };
             }
+            return Reached::End { column: column + added };
+        }
+        let samples = Brick::new(grid, brick);
+        let mut column = column;
+        let mut near = samples.density(path.at(from));
+        for cell in samples.steps(path, [from, to]) {
+            let length = cell.to - cell.from;
+            // Along a ray the field of a cell is a cubic: three points integrate it exactly (Simpson's rule).
+            let [center, far] = samples.pair(path, cell.at, [cell.from + 0.5 * length, cell.to]);
+            let added = length / 6.0 * (near + 4.0 * center + far);
+            if column + added >= target && added > 0.0 {
+                let [quarter, _] = samples.pair(path, cell.at, [cell.from + 0.25 * length; 2]);
+                let share = solve([near, quarter, center, far], (target - column) / length);
+                return Reached::At { distance: cell.from + share * length };
+            }
+            column += added;
+            near = far;
         }
         Reached::End { column }
     }
@@ -287,8 +321,8 @@ impl<'a> Tracker<'a> {
     ) -> Option<f32> {
         let grid = self.medium.density();
         let mut depth = exponential(stream);
-        for Step { at, from, to } in path.bricks(grid) {
-            let brick = at.map(|it| it as u32);
+        for step in path.bricks(grid) {
+            let (brick, Step { from, to, .. }) = (step.brick(), step);
             let max = grid.brick_range(brick).max;
             let majorant = self.greatest * max;
             let left = (to - from) * majorant;
@@ -336,8 +370,8 @@ impl<'a> Tracker<'a> {
     /// Where the path first is in density, and how much there is: see [`FreePath::Homogeneous`].
     fn first_density(&self, path: &Path) -> Option<(f32, f32)> {
         let grid = self.medium.density();
-        for Step { at, from, to } in path.bricks(grid) {
-            let brick = at.map(|it| it as u32);
+        for step in path.bricks(grid) {
+            let (brick, Step { from, to, .. }) = (step.brick(), step);
             if grid.brick_range(brick).max == 0.0 {
                 continue;
             }
@@ -357,6 +391,16 @@ impl<'a> Tracker<'a> {
         }
         None
     }
+}
+
+/// A ray's way through a medium, integrated.
+#[derive(Default)]
+pub(super) struct Crossing {
+    path: Path,
+    /// The bricks that hold any density, and the column before each.
+    bricks: Vec<(Step, f32)>,
+    /// The whole ray's column.
+    pub(super) column: f32,
 }
 
 /// Where following a path ended.

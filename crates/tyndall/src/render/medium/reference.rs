@@ -14,14 +14,14 @@
 use glam::Vec3;
 use rayon::prelude::*;
 
-use super::free_path::{FreePath, Tracker};
+use super::free_path::{Crossing, FreePath, Tracker};
 use crate::error::{Error, Result};
 use crate::math::Ray;
 use crate::medium::light::Environment;
 use crate::medium::{Light, Medium};
 use crate::progress::Progress;
 use crate::random::Stream;
-use crate::render::sampling::{Dimension, point};
+use crate::render::sampling::{Dimension, point, shuffled_point};
 use crate::scene::camera::View;
 
 /// The knobs of a reference picture.
@@ -94,9 +94,10 @@ impl<'a> Reference<'a> {
             if progress.cancelled() {
                 return;
             }
+            let mut crossing = Crossing::default();
             for (column, sum) in sums.iter_mut().enumerate() {
                 for sample in self.samples_done..self.samples_done + samples {
-                    let added = self.sample(column as u32, row as u32, sample);
+                    let added = self.sample([column as u32, row as u32], sample, &mut crossing);
                     sum.scattered += added.scattered;
                     sum.environment += added.environment;
                     sum.transmittance += added.transmittance;
@@ -125,23 +126,20 @@ impl<'a> Reference<'a> {
         self.sums.iter().map(mean).collect()
     }
 
-    /// One sample of a pixel.
-    fn sample(&self, column: u32, row: u32, sample: u32) -> Pixel {
+    /// One sample of the pixel in a column and row.
+    fn sample(&self, [column, row]: [u32; 2], sample: u32, crossing: &mut Crossing) -> Pixel {
         let seed = self.settings.seed;
         let number = row * self.settings.width + column;
-        let at = |dimension| point(seed, dimension, number, sample);
-        let [x, y] = at(Dimension::Pixel);
+        let at = |dimension| shuffled_point(seed, dimension, number, sample);
+        let [x, y] = point(seed, Dimension::Pixel, number, sample);
         let ray = self.view.ray(column as f32 + x, row as f32 + y);
 
         let behind = self.lights.seen(ray.direction);
-        let mass = self.tracker.column(&ray);
-        let transmittance = self.tracker.through(mass);
+        self.tracker.cross(&ray, crossing);
+        let transmittance = self.tracker.through(crossing.column);
         let mut pixel = Pixel { scattered: Vec3::ZERO, environment: transmittance * behind, transmittance };
-        if mass > 0.0
-            && transmittance != Vec3::ONE
-            && self.settings.orders != Some(0)
-            && let Some((distance, weight)) = self.tracker.forced(&ray, mass, at(Dimension::Key))
-        {
+        if transmittance != Vec3::ONE && self.settings.orders != Some(0) {
+            let (distance, weight) = self.tracker.forced(crossing, at(Dimension::Key));
             let mut stream = Stream::new(u64::from(seed), u64::from(number) << 32 | u64::from(sample));
             let start = Ray { origin: ray.origin + distance * ray.direction, ..ray };
             // The roulette must not end a path because little of the medium is in the way.

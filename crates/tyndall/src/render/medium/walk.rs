@@ -1,22 +1,22 @@
 //! The way of a ray through a grid: its bricks, and the cells in them, in the order in which the ray meets them.
 //!
 //! All is in units of the lattice, with distances along the ray in world units: a ray is cut to the medium's box first, so that
-//! a camera far away costs no digits. Source: J. Amanatides, A. Woo, "A fast voxel traversal algorithm", Eurographics 1987.
+//! a camera far away costs no digits. Whole numbers are kept as floats, so that all three axes are one register. Source: J. Amanatides, A. Woo, "A fast voxel traversal algorithm", Eurographics 1987.
 
-use glam::Vec3;
+use glam::{Vec3A, Vec4, Vec4Swizzles};
 
 use crate::math::Ray;
 use crate::medium::Medium;
 use crate::medium::grid::{BRICK, EDGE, Grid, STORED};
 
 /// A ray within the medium's box.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Default)]
 pub(super) struct Path {
     /// Where it enters, in lattice units.
-    start: Vec3,
+    start: Vec3A,
     /// Its way in lattice units per unit length.
-    direction: Vec3,
-    inv_direction: Vec3,
+    direction: Vec3A,
+    inv_direction: Vec3A,
     /// Distance along the ray at which it enters.
     pub(super) enter: f32,
     /// How far it goes inside.
@@ -31,9 +31,9 @@ impl Path {
         let [enter, leave] = medium.bounds().clip(ray)?;
         let inv_spacing = 1.0 / grid.spacing();
         Some(Self {
-            start: (ray.origin + enter * ray.direction - grid.origin()) * inv_spacing,
-            direction: ray.direction * inv_spacing,
-            inv_direction: ray.inv_direction() * grid.spacing(),
+            start: Vec3A::from((ray.origin + enter * ray.direction - grid.origin()) * inv_spacing),
+            direction: Vec3A::from(ray.direction * inv_spacing),
+            inv_direction: Vec3A::from(ray.inv_direction() * grid.spacing()),
             enter,
             length: leave - enter,
         })
@@ -41,15 +41,15 @@ impl Path {
 
     /// The point at a distance from where the path enters.
     #[inline(always)]
-    pub(super) fn at(&self, distance: f32) -> Vec3 {
+    pub(super) fn at(&self, distance: f32) -> Vec3A {
         self.start + distance * self.direction
     }
 
     /// The bricks that the path meets.
     #[inline(always)]
     pub(super) fn bricks(&self, grid: &Grid) -> Steps {
-        let high = grid.bricks().map(|count| count as i32 - 1);
-        Steps::new(self, [0.0, self.length], BRICK as f32, [[0; 3], high])
+        let high = grid.bricks().map(|count| (count - 1) as f32);
+        Steps::new(self, [0.0, self.length], BRICK as f32, [Vec3A::ZERO, Vec3A::from(high)])
     }
 }
 
@@ -57,96 +57,115 @@ impl Path {
 pub(super) struct Brick<'a> {
     samples: &'a [f32; STORED],
     /// Lattice coordinates of its first sample.
-    first: Vec3,
+    first: Vec3A,
     /// The last place, from its first sample, at which look-ups do not clamp.
-    limit: Vec3,
-    /// The first and the last cell, counted from its first sample; -1 is the border before the lattice.
-    cells: [[i32; 3]; 2],
+    limit: Vec3A,
 }
+
+/// The last cell of a brick along an axis.
+const LAST_CELL: Vec3A = Vec3A::splat((BRICK - 1) as f32);
 
 impl<'a> Brick<'a> {
     #[inline(always)]
     pub(super) fn new(grid: &'a Grid, brick: [u32; 3]) -> Self {
-        let first = brick.map(|it| (it * BRICK) as i32);
-        let last = std::array::from_fn(|axis| (grid.size()[axis] as i32 - 1 - first[axis]).min(BRICK as i32));
-        Self {
-            samples: grid.brick_samples(brick),
-            first: Vec3::from(first.map(|it| it as f32)),
-            limit: Vec3::from(last.map(|it: i32| it as f32)),
-            cells: [first.map(|it| -i32::from(it == 0)), last.map(|it| it.min(BRICK as i32 - 1))],
-        }
+        let first = Vec3A::from(brick.map(|it| (it * BRICK) as f32));
+        let last = Vec3A::from(grid.size().map(|size| (size - 1) as f32));
+        Self { samples: grid.brick_samples(brick), first, limit: (last - first).min(LAST_CELL + 1.0) }
     }
 
     /// The field at a point of the lattice inside the brick.
     #[inline(always)]
-    pub(super) fn density(&self, at: Vec3) -> f32 {
-        let place = (at - self.first).max(Vec3::ZERO).min(self.limit);
-        let cell = [place.x, place.y, place.z].map(|it| (it as i32).min(BRICK as i32 - 1));
-        let fraction = place - Vec3::from(cell.map(|it| it as f32));
-        interpolate(&self.corners(cell), fraction)
+    pub(super) fn density(&self, at: Vec3A) -> f32 {
+        let place = (at - self.first).max(Vec3A::ZERO).min(self.limit);
+        let cell = place.floor().min(LAST_CELL);
+        self.cell(cell).interpolate(place - cell)
     }
 
     /// The cells that `path` meets between two distances within the brick.
     #[inline(always)]
     pub(super) fn steps(&self, path: &Path, between: [f32; 2]) -> Steps {
         let inside = Path { start: path.start - self.first, ..*path };
-        Steps::new(&inside, between, 1.0, self.cells)
+        // The border before the lattice is a cell of its own, -1, and so is the one behind its last sample.
+        let low = Vec3A::select(self.first.cmpeq(Vec3A::ZERO), Vec3A::NEG_ONE, Vec3A::ZERO);
+        Steps::new(&inside, between, 1.0, [low, self.limit.min(LAST_CELL)])
     }
 
     /// The field at two distances along `path` in one cell.
     #[inline(always)]
-    pub(super) fn pair(&self, path: &Path, cell: [i32; 3], distances: [f32; 2]) -> [f32; 2] {
-        let cell = cell.map(|it| it.max(0));
-        let corners = self.corners(cell);
-        let base = Vec3::from(cell.map(|it| it as f32));
-        let limit = (self.limit - base).min(Vec3::ONE);
-        let fraction = |distance: f32| (path.at(distance) - self.first - base).max(Vec3::ZERO).min(limit);
-        [interpolate(&corners, fraction(distances[0])), interpolate(&corners, fraction(distances[1]))]
+    pub(super) fn pair(&self, path: &Path, cell: Vec3A, distances: [f32; 2]) -> [f32; 2] {
+        let cell = cell.max(Vec3A::ZERO);
+        let (corners, limit) = (self.cell(cell), (self.limit - cell).min(Vec3A::ONE));
+        let start = path.start - self.first - cell;
+        let field = |distance: f32| {
+            corners.interpolate((start + distance * path.direction).max(Vec3A::ZERO).min(limit))
+        };
+        [field(distances[0]), field(distances[1])]
     }
 
+    /// The samples at the corners of a cell.
     #[inline(always)]
-    fn corners(&self, cell: [i32; 3]) -> [f32; 8] {
-        // The masks change nothing: they show the compiler that no index lies outside.
-        let [x, y, z] = cell.map(|it| it as usize & (BRICK as usize - 1));
-        let at = (z * EDGE + y) * EDGE + x;
-        let (y, z) = (EDGE, EDGE * EDGE);
+    fn cell(&self, cell: Vec3A) -> Corners {
+        const Y: usize = EDGE;
+        const Z: usize = EDGE * EDGE;
+        // Exact in floats. The bound changes nothing: it shows the compiler that no index lies outside.
+        let at = cell.dot(Vec3A::new(1.0, Y as f32, Z as f32)) as usize;
+        let at = at.min(STORED - 1 - Z - Y - 1);
         let samples = self.samples;
-        [
-            samples[at],
-            samples[at + 1],
-            samples[at + y],
-            samples[at + y + 1],
-            samples[at + z],
-            samples[at + z + 1],
-            samples[at + z + y],
-            samples[at + z + y + 1],
-        ]
+        Corners {
+            low: Vec4::new(samples[at], samples[at + Y], samples[at + Z], samples[at + Z + Y]),
+            high: Vec4::new(
+                samples[at + 1],
+                samples[at + Y + 1],
+                samples[at + Z + 1],
+                samples[at + Z + Y + 1],
+            ),
+        }
     }
 }
 
-/// Trilinear, with the corners numbered like [`Grid::corners`].
-#[inline(always)]
-fn interpolate(corners: &[f32; 8], fraction: Vec3) -> f32 {
-    crate::medium::grid::trilinear(corners, fraction)
+/// The corners of a cell on its low and high side of x; on each side by y, then by z.
+struct Corners {
+    low: Vec4,
+    high: Vec4,
+}
+
+impl Corners {
+    /// Trilinear, with the steps of [`crate::medium::grid::trilinear`].
+    #[inline(always)]
+    fn interpolate(&self, fraction: Vec3A) -> f32 {
+        let by_x = self.low + fraction.x * (self.high - self.low);
+        let (low, high) = (by_x.xz(), by_x.yw());
+        let by_y = low + fraction.y * (high - low);
+        by_y.x + fraction.z * (by_y.y - by_y.x)
+    }
 }
 
 /// A piece of a path: which brick or cell, and the distances between which the path is in it.
 #[derive(Clone, Copy)]
 pub(super) struct Step {
-    pub(super) at: [i32; 3],
+    /// Whole numbers.
+    pub(super) at: Vec3A,
     pub(super) from: f32,
     pub(super) to: f32,
 }
 
+impl Step {
+    /// The brick's coordinates.
+    #[inline(always)]
+    pub(super) fn brick(&self) -> [u32; 3] {
+        self.at.to_array().map(|it| it as u32)
+    }
+}
+
 /// The bricks or cells of a path, in order.
 pub(super) struct Steps {
-    at: [i32; 3],
+    at: Vec3A,
+    /// One way or the other along each axis.
+    way: Vec3A,
+    range: [Vec3A; 2],
     /// Distance of the next boundary on each axis, and from one to the next.
-    next: [f32; 3],
-    delta: [f32; 3],
-    way: [i32; 3],
-    /// Boundaries left on each axis.
-    left: [i32; 3],
+    next: Vec3A,
+    delta: Vec3A,
     from: f32,
     end: f32,
 }
@@ -154,32 +173,19 @@ pub(super) struct Steps {
 impl Steps {
     /// Boxes of `edge` along a path between two distances, those from `range[0]` to `range[1]`; the outermost have no far side.
     #[inline(always)]
-    fn new(path: &Path, between: [f32; 2], edge: f32, range: [[i32; 3]; 2]) -> Self {
-        let (start, inverse) = (path.at(between[0]).to_array(), path.inv_direction.to_array());
-        let origin = path.start.to_array();
-        let mut steps = Self {
-            at: [0; 3],
-            next: [f32::INFINITY; 3],
-            delta: [0.0; 3],
-            way: [1; 3],
-            left: [0; 3],
+    fn new(path: &Path, between: [f32; 2], edge: f32, range: [Vec3A; 2]) -> Self {
+        let at = (path.at(between[0]) / edge).floor().clamp(range[0], range[1]);
+        let forward = path.inv_direction.cmpgt(Vec3A::ZERO);
+        let side = at + Vec3A::select(forward, Vec3A::ONE, Vec3A::ZERO);
+        Self {
+            at,
+            way: Vec3A::select(forward, Vec3A::ONE, Vec3A::NEG_ONE),
+            range,
+            next: (edge * side - path.start) * path.inv_direction,
+            delta: edge * path.inv_direction.abs(),
             from: between[0],
             end: between[1],
-        };
-        for axis in 0..3 {
-            let [low, high] = [range[0][axis], range[1][axis]];
-            let at = ((start[axis] / edge).floor() as i32).clamp(low, high);
-            let forward = inverse[axis] > 0.0;
-            steps.at[axis] = at;
-            steps.way[axis] = if forward { 1 } else { -1 };
-            steps.left[axis] = if forward { high - at } else { at - low };
-            steps.delta[axis] = edge * inverse[axis].abs();
-            let side = edge * (at + i32::from(forward)) as f32;
-            if steps.left[axis] > 0 {
-                steps.next[axis] = (side - origin[axis]) * inverse[axis];
-            }
         }
-        steps
     }
 }
 
@@ -191,22 +197,16 @@ impl Iterator for Steps {
         if self.from >= self.end {
             return None;
         }
-        let at = self.at;
-        let axis = if self.next[0] < self.next[1] {
-            if self.next[0] < self.next[2] { 0 } else { 2 }
-        } else if self.next[1] < self.next[2] {
-            1
-        } else {
-            2
-        };
+        // Past the outermost boxes, whose far sides do not count, the place stays.
+        let at = self.at.max(self.range[0]).min(self.range[1]);
+        let nearest = self.next.min_element();
         // Rounding may put a boundary before the last one: the piece is then empty.
         let from = self.from;
-        let to = self.next[axis].max(from).min(self.end);
-        self.from = to;
-        self.at[axis] += self.way[axis];
-        self.left[axis] -= 1;
-        self.next[axis] =
-            if self.left[axis] > 0 { self.next[axis] + self.delta[axis] } else { f32::INFINITY };
-        Some(Step { at, from, to })
+        self.from = if nearest < self.end { nearest.max(from) } else { self.end };
+        // An edge or a corner crosses several sides at once.
+        let crosses = self.next.cmpeq(Vec3A::splat(nearest));
+        self.at += Vec3A::select(crosses, self.way, Vec3A::ZERO);
+        self.next += Vec3A::select(crosses, self.delta, Vec3A::ZERO);
+        Some(Step { at, from, to: self.from })
     }
 }

@@ -285,9 +285,10 @@ fn weights_of_rgb_extinction_are_right_on_average() {
             assert!(near.abs_diff_eq(before_half, 0.02), "seed {seed} {free_path:?}: {near} {before_half}");
         }
         let mut near = Vec3::ZERO;
-        let whole = tracker.column(&ray);
+        let mut crossing = Crossing::default();
+        tracker.cross(&ray, &mut crossing);
         for _ in 0..count {
-            let (distance, weight) = tracker.forced(&ray, whole, [stream.unit(), stream.unit()]).unwrap();
+            let (distance, weight) = tracker.forced(&crossing, [stream.unit(), stream.unit()]);
             near += if distance < half_way { weight / count as f32 } else { Vec3::ZERO };
         }
         assert!(near.abs_diff_eq(before_half, 0.02), "seed {seed} forced: {near} {before_half}");

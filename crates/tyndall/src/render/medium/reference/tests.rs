@@ -106,6 +106,7 @@ fn a_slab_of_all_orders_agrees_with_adding_and_doubling() {
                 // Exitance: pi times the mean radiance over directions drawn by their cosine.
                 let count = 8_000;
                 let (mut sum, mut square) = (0.0, 0.0);
+                let mut crossing = Crossing::default();
                 for number in 0..count {
                     let mut stream = Stream::new(17, number);
                     let across = stream.unit().sqrt();
@@ -118,9 +119,9 @@ fn a_slab_of_all_orders_agrees_with_adding_and_doubling() {
                         t_min: 0.0,
                         t_max: f32::INFINITY,
                     };
-                    let random = || [stream.clone().unit(), 0.5];
-                    let mass = reference.tracker.column(&ray);
-                    let (distance, weight) = reference.tracker.forced(&ray, mass, random()).unwrap();
+                    reference.tracker.cross(&ray, &mut crossing);
+                    let random = [stream.unit(), stream.unit()];
+                    let (distance, weight) = reference.tracker.forced(&crossing, random);
                     let start = Ray { origin: ray.origin + distance * ray.direction, ..ray };
                     let mut stream = Stream::new(18, number);
                     let random = [stream.unit(), stream.unit()];
