@@ -3,6 +3,7 @@
 use divan::Bencher;
 use divan::counter::ItemsCount;
 use tyndall::medium::density::{Resolution, Settings, Smoothing, estimate};
+use tyndall::random::Stream;
 use tyndall::synthetic;
 
 fn main() {
@@ -43,4 +44,18 @@ fn exact(bencher: Bencher, law: &str) {
 #[divan::bench(args = LAWS, sample_count = 10)]
 fn scatter(bencher: Bencher, law: &str) {
     density(bencher, law, Smoothing::Scatter);
+}
+
+/// Trilinear look-ups at random points of the box, as photons make them.
+#[divan::bench(sample_count = 20)]
+fn look_up(bencher: Bencher) {
+    let particles = synthetic::generate("smoke?n=1e5", &()).expect("a known law");
+    let settings = Settings { resolution: Resolution::Samples(256), ..Settings::default() };
+    let grid = estimate(&particles, &settings, &()).expect("nobody interrupts").density;
+    let bounds = grid.bounds();
+    let mut stream = Stream::new(1, 0);
+    let points: Vec<_> =
+        (0..1 << 16).map(|_| bounds.center() + 0.5 * bounds.extent() * stream.cube()).collect();
+    let sum = || points.iter().map(|&at| grid.density(at)).sum::<f32>();
+    bencher.counter(ItemsCount::new(points.len())).bench(sum);
 }
