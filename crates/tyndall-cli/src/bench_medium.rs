@@ -87,7 +87,9 @@ pub(crate) fn run(report: &Report) -> Outcome<()> {
     let smoke = synthetic::generate("smoke", report.progress())?;
     bench_density::run(&smoke, report)?;
     report.out("\n| cache | resolution | single, s | GPU, CPU then | multiple by photons (stored), s | GPU, CPU then | by sweeps, s |\n|---|---|---|---|---|---|---|\n")?;
-    let mut marched = String::from("\n| march | 1K, s | 2K | 2K, 4 samples | GPU then | CPU then |\n|---|---|---|---|---|---|\n");
+    let mut marched = String::from(
+        "\n| march | 1K, s | 2K | 2K, 4 samples | GPU then | CPU then |\n|---|---|---|---|---|---|\n",
+    );
     let mut overall = String::from(
         "\n| overall | density | photons | cache | march 1K | 2K | total 1K | GPU then | CPU then |\n|---|---|---|---|---|---|---|---|---|\n",
     );
@@ -128,7 +130,9 @@ fn series(report: &Report) -> Outcome<()> {
         let mut lit = Lit::new(set, &particles, grid, report)?;
         let [density, photons, cache, near, _] = lit.overall([set.sizes[0], [64, 36]])?;
         let [x, y, z] = lit.medium.density().size();
-        report.out(&format!("| {x}x{y}x{z} | {density:.2} | {photons:.2} | {cache:.2} | {near:.2} | {then:?} |\n"))?;
+        report.out(&format!(
+            "| {x}x{y}x{z} | {density:.2} | {photons:.2} | {cache:.2} | {near:.2} | {then:?} |\n"
+        ))?;
     }
     Ok(())
 }
@@ -177,8 +181,7 @@ impl<'a> Lit<'a> {
 
     fn photons(&self) -> Outcome<(f64, usize)> {
         let start = Instant::now();
-        let photons =
-            photons::trace(&self.medium, &self.lights, &photon_settings(), self.report.progress())?;
+        let photons = photons::trace(&self.medium, &self.lights, &photon_settings(), self.report.progress())?;
         Ok((start.elapsed().as_secs_f64(), photons.stored.len()))
     }
 
@@ -212,7 +215,8 @@ impl<'a> Lit<'a> {
     /// Seconds of a picture from the cache.
     fn march(&self, size: [u32; 2], samples: u32) -> Outcome<f64> {
         let Some(cache) = &self.cache else { return Ok(0.0) };
-        let settings = march::Settings { width: size[0], height: size[1], samples, ..march::Settings::default() };
+        let settings =
+            march::Settings { width: size[0], height: size[1], samples, ..march::Settings::default() };
         let view = self.view(size)?;
         let start = Instant::now();
         let mut march = March::new(&self.medium, Illumination::Cached(cache), &self.lights, view, settings)?;

@@ -139,7 +139,7 @@ pub(super) fn check_particles(particles: &Particles, columns: usize, settings: &
 
 /// Memory of sorted particles, or of sorting them if that is more: weights, fields, lengths, shares and reaches too.
 fn particle_bytes(count: usize, columns: usize) -> u64 {
-    Cells::bytes_to_make(count).max(Cells::bytes(count) + 4 * (2 * columns as u64 + 4) * count as u64)
+    Cells::bytes_to_make(count).max(Cells::bytes(count) + 4 * (2 * columns as u64 + 6) * count as u64)
 }
 
 /// The most memory that the work takes. Fails with [`Error::Memory`] if that is more than there is.

@@ -316,3 +316,39 @@ fn squared(cubed: f32) -> f32 {
     let length = cubed.cbrt();
     length * length
 }
+
+#[cfg(test)]
+mod tests {
+    use glam::DVec3;
+
+    use super::*;
+    use crate::medium::kernel::CubicSpline;
+    use crate::particles::Positions;
+    use crate::random::Stream;
+
+    #[test]
+    fn the_width_of_lanes_changes_nothing() {
+        let mut stream = Stream::new(21, 0);
+        let mut offsets: [Vec<f32>; 3] = Default::default();
+        for _ in 0..2000 {
+            let place = stream.normal3() * stream.unit();
+            (0..3).for_each(|axis| offsets[axis].push(place[axis]));
+        }
+        let cells = Cells::new(&Positions::from_offsets(DVec3::ZERO, offsets));
+        let weights = cells.column(|id| 1.0 + id as f32 * 1e-3);
+        let columns: [&[[f32; CELL]]; 1] = [&weights];
+        let corrected = Rule::Corrected { passes: 2, scale: 0.1 };
+        for (rule, longest) in [(Rule::Uniform, 0.4), (corrected, 0.9), (Rule::Exact, 0.9)] {
+            let (block, target) = (Block::new(0.1), 30.0);
+            let gather =
+                Gather { cells: &cells, block, shape: CubicSpline, rule, longest, target, columns: &columns };
+            let by = |level: Level| {
+                let mut found = Found::default();
+                let filled = dispatch!(level, simd => gather.fill_block(simd, Vec3::splat(0.2), &mut found));
+                assert!(filled, "{rule:?}");
+                (found.sums[0].map(|plane| plane.map(f32::to_bits)), found.used)
+            };
+            assert_eq!(by(Level::new()), by(Level::baseline()), "{rule:?}");
+        }
+    }
+}

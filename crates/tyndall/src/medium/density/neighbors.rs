@@ -32,6 +32,11 @@ pub(super) fn sorted(lengths: &Column) -> Vec<f32> {
     sorted
 }
 
+/// Particles near a cell, over N*, from which on its particles look alone.
+const CROWD: usize = 40;
+/// The least first radius, over the diagonal of everything.
+const FIRST_RADIUS: f32 = 1e-4;
+
 /// Room for the work.
 #[derive(Default)]
 struct Search {
@@ -49,18 +54,49 @@ impl Search {
         target: u32,
     ) -> [f32; CELL] {
         let center = &cells.centers()[cell];
+        let lengths = self.nearest(simd, (cells, none), center, target, CROWD * target as usize);
+        if let Some(lengths) = lengths {
+            return lengths;
+        }
+        // The cell reaches from one dense place to another: each of its particles looks alone.
+        let mut lengths = [f32::NAN; CELL];
+        for (lane, length) in lengths.iter_mut().enumerate() {
+            let alone = [[center[0][lane]; CELL], [center[1][lane]; CELL], [center[2][lane]; CELL]];
+            if let Some(lengths) = self.nearest(simd, (cells, none), &alone, target, usize::MAX) {
+                *length = lengths[0];
+            }
+        }
+        lengths
+    }
+
+    /// The lengths of sixteen points, NaN for those that are infinitely far away. `None` if more particles than `most` are near.
+    #[simd]
+    fn nearest<S: Simd>(
+        &mut self,
+        simd: S,
+        (cells, none): (&Cells, &Column),
+        center: &[[f32; CELL]; 3],
+        target: u32,
+        most: usize,
+    ) -> Option<[f32; CELL]> {
         let place = |lane: usize| Vec3::new(center[0][lane], center[1][lane], center[2][lane]);
         let bounds = (0..CELL).map(place).filter(|it| it.is_finite()).fold(Bounds::EMPTY, Bounds::with);
+        if bounds.is_empty() {
+            return Some([f32::NAN; CELL]);
+        }
         let region = Region { center: bounds.center(), half: 0.5 * bounds.extent() };
         let everything = cells.bounds().extent().length() * 1.001 + f32::MIN_POSITIVE;
 
         // As if the particles were as dense around the cell as in it.
         let edges = bounds.extent().max(Vec3::splat(0.125 * bounds.extent().length()));
         let mut radius = 0.62 * (edges.element_product() * target as f32 / CELL as f32).cbrt();
-        radius = radius.max(1e-4 * everything);
+        radius = radius.max(FIRST_RADIUS * everything);
         loop {
             radius = radius.min(everything);
             cells.collect(simd, region, &Within(radius), [none, none], &mut self.found);
+            if self.found.len() > most {
+                return None;
+            }
             let fewest = self.measure(simd, region.center, center, radius);
             if fewest >= target || radius >= everything {
                 break;
@@ -73,7 +109,7 @@ impl Search {
         for (lane, length) in lengths.iter_mut().enumerate() {
             *length = if place(lane).is_finite() { length.sqrt() } else { f32::NAN };
         }
-        lengths
+        Some(lengths)
     }
 
     /// The distances of all that was found from the cell's particles, and how many within the radius the one has that has fewest.

@@ -3,7 +3,7 @@
 use glam::{DVec3, Vec3};
 
 use super::*;
-use crate::particles::{Columns, Positions, Values};
+use crate::particles::{Attribute, Columns, Positions, Values};
 use crate::random::Stream;
 
 /// Particles of one of four kinds: a cube, a dense core with tails, a plane, a few places.

@@ -152,7 +152,8 @@ impl Cache {
                 }
             }
             Multiple::None => {
-                let nothing = vec![[Vec3::ZERO; harmonics::COUNT]; builder.lattices[0].sample_count() as usize];
+                let nothing =
+                    vec![[Vec3::ZERO; harmonics::COUNT]; builder.lattices[0].sample_count() as usize];
                 for channel in builder.channels.solved() {
                     fields.push(builder.with_sky(&nothing, channel));
                 }

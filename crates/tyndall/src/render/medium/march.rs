@@ -191,7 +191,7 @@ impl<'a> March<'a> {
         let extinction = Vec3::from(self.medium.optics().extinction);
         let step = self.settings.step * grid.spacing();
         for piece in path.bricks(grid) {
-            let at = piece.at.map(|it| it as u32);
+            let at = piece.brick();
             if grid.brick_range(at).max == 0.0 {
                 continue;
             }
