@@ -4,7 +4,6 @@
 
 mod args;
 mod bench;
-#[expect(dead_code, reason = "the bench of the medium will call it")]
 mod bench_density;
 mod bench_medium;
 mod dry_run;

@@ -59,7 +59,7 @@ pub(crate) fn run_scene(path: &Path, report: &Report) -> Outcome<()> {
 pub(crate) fn run(args: &args::Render, report: &Report) -> Outcome<()> {
     let job = Job { args, report };
     let pattern = job.start()?;
-    let sequence = input::open(&args.input)?;
+    let sequence = input::open(&args.input, report)?;
     let pictures = plan::pictures(args, &pattern, sequence.len(), report)?;
     let mut kept: Option<Scene> = None;
     let mut left = &pictures[..];

@@ -193,7 +193,6 @@ fn bad_values_are_refused_in_one_line() {
         ("--orbit 90 --frame-count 3", &["-o cannot be 'a.png'", "%04d"]),
         ("--eye 1,1,1 --look-at 1,1,1", &["look-at cannot be"]),
         ("--eye 1,1,9 --look-at 1,1,1 --up 0,0,1", &["up cannot be"]),
-        ("--mode medium", &["not in this version"]),
         ("--sampels 3", &["--sampels", "--samples"]),
         ("--color c_pe --log --range -1:1", &["a logarithm needs a range above 0"]),
     ] {

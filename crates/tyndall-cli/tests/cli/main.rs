@@ -3,6 +3,7 @@
 
 mod errors;
 mod info;
+mod medium;
 mod pictures;
 mod stop;
 
