@@ -59,7 +59,11 @@ impl SceneFile {
             Failure::from(Error::format(path, "", what, hint))
         };
         let text = fs::read_to_string(path).map_err(|error| Error::io(path, error))?;
-        let mut tables: Table = text.parse().map_err(|error: toml::de::Error| bad(error.to_string()))?;
+        let malformed = |error: toml::de::Error| {
+            let line = text[..error.span().map_or(0, |span| span.start)].lines().count().max(1);
+            bad(format!("line {line}: {}", error.message().lines().next().unwrap_or_default()))
+        };
+        let mut tables: Table = text.parse().map_err(malformed)?;
         let grid = tables.remove("grid").map(Value::try_into::<GridFile>).transpose();
         let grid = grid.map_err(|error| bad(format!("[grid]: {}", error.message())))?;
         let particles = tables.remove("particles").map(|table| files(&table)).transpose().map_err(bad)?;

@@ -129,7 +129,7 @@ fn scenes_that_make_no_sense_say_why() {
         (&SCENE.replace("sample = 'f32'", "sampel = 'f32'"), "sampel"),
         (&SCENE.replace("albedo", "albdeo"), "--albdeo"),
         (&SCENE.replace("'sky'\nradiance", "'moon'\nradiance"), "no light is called 'moon'"),
-        ("[grid\n", "a.toml"),
+        ("[grid\n", "line 1"),
     ] {
         folder.file("a.toml", text);
         folder.render("a.toml -o a.png").fails(3, &[part]);

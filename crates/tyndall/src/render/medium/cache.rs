@@ -11,7 +11,7 @@ use rayon::prelude::*;
 
 use super::columns::{self, Source};
 use super::diffuse::{self, Accuracy, Channel, Level};
-use super::field::{Field, cell, lattice_over, sample};
+use super::field::{Field, cell, lattice_over, sample, trilinear};
 use super::gather::{PhotonMap, Radius};
 use super::harmonics::{self, count};
 use super::photons::{self, Stored};
@@ -200,6 +200,9 @@ impl Cache {
     fn smooth(&self, at: Vec3, toward: &Toward) -> Vec3 {
         let number = count(self.order);
         match self.channels {
+            Channels::One(_, color) if number == 1 => {
+                toward.weights[0] * trilinear(&self.lattice, &self.smooth, at) * color
+            }
             Channels::One(_, color) => {
                 let [sum] = interpolate::<1>(&self.lattice, &self.smooth, number, &toward.weights, at);
                 sum * color
@@ -243,7 +246,7 @@ impl Direct {
     fn scattered(&self, at: Vec3, g: f32, toward: &Toward) -> Vec3 {
         let arrival = self.light.toward(at, [0.5; 2]);
         let transmittance = match self.channels {
-            1 => Vec3::splat(interpolate::<1>(&self.lattice, &self.transmittance, 1, &[1.0], at)[0]),
+            1 => Vec3::splat(trilinear(&self.lattice, &self.transmittance, at)),
             _ => Vec3::from(interpolate::<3>(&self.lattice, &self.transmittance, 1, &[1.0], at)),
         };
         // Both point away from the scattering: light came the other way along one of them.

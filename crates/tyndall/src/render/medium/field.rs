@@ -67,14 +67,20 @@ impl Field {
     /// The field at a point: trilinear, clamped to the samples at the border.
     #[inline]
     pub(super) fn value(&self, at: Vec3) -> f32 {
-        let (first, steps, fraction) = cell(&self.lattice, at);
-        let v = &self.values[first..];
-        let [x, y, z] = steps;
-        let mix = |a: f32, b: f32, t: f32| a + t * (b - a);
-        let row = |at: usize| mix(v[at], v[at + x], fraction.x);
-        let plane = |at: usize| mix(row(at), row(at + y), fraction.y);
-        mix(plane(0), plane(z), fraction.z)
+        trilinear(&self.lattice, &self.values, at)
     }
+}
+
+/// A field at a point: trilinear, clamped to the samples at the border.
+#[inline(always)]
+pub(super) fn trilinear(lattice: &Lattice, values: &[f32], at: Vec3) -> f32 {
+    let (first, [x, y, z], fraction) = cell(lattice, at);
+    // One check of the length serves all eight.
+    let v = &values[first..first + x + y + z + 1];
+    let mix = |a: f32, b: f32, t: f32| a + t * (b - a);
+    let row = |at: usize| mix(v[at], v[at + x], fraction.x);
+    let plane = |at: usize| mix(row(at), row(at + y), fraction.y);
+    mix(plane(0), plane(z), fraction.z)
 }
 
 /// Sample number `place` of a lattice.

@@ -251,7 +251,11 @@ impl Walk<'_> {
     /// One step of that optical thickness, at the distance `t`, with light as it is `at` a point.
     #[inline(always)]
     fn step(&mut self, thickness: Vec3, t: f32, at: Vec3) {
-        let through = Vec3::new((-thickness.x).exp(), (-thickness.y).exp(), (-thickness.z).exp());
+        let is_grey = thickness.x == thickness.y && thickness.y == thickness.z;
+        let through = match is_grey {
+            true => Vec3::splat((-thickness.x).exp()),
+            false => Vec3::new((-thickness.x).exp(), (-thickness.y).exp(), (-thickness.z).exp()),
+        };
         let lost = self.transmittance * (1.0 - through);
         self.sums.scattered += lost
             * match &mut self.source {
