@@ -16,7 +16,7 @@ use crate::{dry_run, input, json};
 pub(crate) fn run(args: &args::Info, report: &Report) -> Outcome<()> {
     let settings = Settings { width: 1, height: 1, samples: 1, seed: 0 };
     dry_run::check_memory(&Work::of_count(input::known_count(&args.input.files)?, Kind::Brute, settings))?;
-    let sequence = input::open(&args.input)?;
+    let sequence = input::open(&args.input, report)?;
     let number = frame_number(args.frame, sequence.len())?;
     let frame = input::read(&sequence, number, &args.input, report)?;
     match args.json {

@@ -10,14 +10,14 @@ use crate::args::{Coords, Input, OnBad};
 use crate::report::{Outcome, Report};
 
 /// Opens the files as one sequence.
-pub(crate) fn open(input: &Input) -> Outcome<Sequence> {
+pub(crate) fn open(input: &Input, report: &Report) -> Outcome<Sequence> {
     let options = Options {
         columns: input.columns.clone(),
         format: input.format.clone(),
         strict: input.strict,
         scaled: input.coords == Some(Coords::Scaled),
     };
-    Ok(Sequence::open(&input.files, &options)?)
+    Ok(Sequence::open(&input.files, &options, report.progress())?)
 }
 
 /// The largest number of particles that is known without reading: that of procedural sources.

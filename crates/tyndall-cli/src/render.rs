@@ -38,7 +38,7 @@ pub(crate) fn run(args: &args::Render, report: &Report) -> Outcome<()> {
         job.structure,
         job.settings,
     ))?;
-    let sequence = input::open(&args.input)?;
+    let sequence = input::open(&args.input, report)?;
     let pictures = plan::pictures(args, &job.pattern, sequence.len(), report)?;
     if args.method.dry_run {
         return job.dry_run(&sequence, &pictures);

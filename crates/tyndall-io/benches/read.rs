@@ -49,7 +49,7 @@ fn generated(name: &str, header: &str, row: impl Fn(u64, [f64; 6]) -> String) ->
 fn read(bencher: Bencher, file: &Generated) {
     let bytes = std::fs::metadata(&file.0).unwrap().len();
     bencher.counter(BytesCount::new(bytes)).bench(|| {
-        let sequence = Sequence::open(std::slice::from_ref(&file.0), &Options::default()).unwrap();
+        let sequence = Sequence::open(std::slice::from_ref(&file.0), &Options::default(), &()).unwrap();
         sequence.frame(0, &()).unwrap()
     });
 }

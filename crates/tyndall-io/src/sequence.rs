@@ -75,13 +75,20 @@ struct FileSource {
 
 impl Sequence {
     /// Opens files, in the given order, as one sequence. A path that begins with `synthetic:` names a procedural source.
-    pub fn open(paths: &[PathBuf], options: &Options) -> Result<Self> {
+    ///
+    /// Stage "open" of `progress`, in bytes of the files as they are on disk: of compressed ones, which are unpacked to find
+    /// their frames, those that were taken.
+    pub fn open(paths: &[PathBuf], options: &Options, progress: &dyn Progress) -> Result<Self> {
         if paths.is_empty() {
             return Err(Error::setting("input", "", "give at least one file"));
         }
+        progress.begin("open", Some(paths.iter().map(|path| file_bytes(path)).sum()), "B");
         let keep = paths.len() == 1;
-        let sources: Vec<Source> =
-            paths.par_iter().map(|path| Source::open(path, options, keep)).collect::<Result<_>>()?;
+        let open = |path: &PathBuf| match progress.cancelled() {
+            true => Err(Error::Interrupted),
+            false => Source::open(path, options, keep, progress),
+        };
+        let sources: Vec<Source> = paths.par_iter().map(open).collect::<Result<_>>()?;
         let mut first = Vec::with_capacity(sources.len());
         let mut frame_count = 0;
         for source in &sources {
@@ -176,11 +183,17 @@ fn file_name(path: &Path) -> String {
     path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned()
 }
 
+/// The size of a file on disk; 0 if there is none, which opening it will say.
+fn file_bytes(path: &Path) -> u64 {
+    std::fs::metadata(path).map_or(0, |it| it.len())
+}
+
 impl Source {
-    fn open(path: &Path, options: &Options, keep: bool) -> Result<Self> {
+    /// Opens a file; `keep` says whether its content may be kept unpacked.
+    fn open(path: &Path, options: &Options, keep: bool, progress: &dyn Progress) -> Result<Self> {
         match path.to_str().and_then(|path| path.strip_prefix("synthetic:")) {
             Some(spec) => Ok(Self::Synthetic(spec.to_string())),
-            None => Ok(Self::File(Box::new(FileSource::open(path, options, keep)?))),
+            None => Ok(Self::File(Box::new(FileSource::open(path, options, keep, progress)?))),
         }
     }
 
@@ -205,24 +218,31 @@ impl Source {
 }
 
 impl FileSource {
-    fn open(path: &Path, options: &Options, keep: bool) -> Result<Self> {
+    fn open(path: &Path, options: &Options, keep: bool, progress: &dyn Progress) -> Result<Self> {
         let (format, packing) = read::recognise(path, options)?;
-        let mut content = None;
+        let (mut content, mut told) = (None, 0);
         let index = match &format.open {
             Open::Whole(_) => {
                 Index { frames: vec![Span { offset: 0, line: 1, bytes: None }], ..Index::default() }
             }
-            Open::Text { index, .. } if packing == Packing::Plain => {
-                index(&mut Feed::over(path, &read::map(path)?))?
-            }
             Open::Text { index, .. } => {
-                let mut feed =
-                    if keep { stream(path, packing)?.keeping(SMALL_BYTES) } else { stream(path, packing)? };
+                let map;
+                let feed = match packing {
+                    Packing::Plain => {
+                        map = read::map(path)?;
+                        Feed::over(path, &map)
+                    }
+                    _ if keep => stream(path, packing)?.keeping(SMALL_BYTES),
+                    _ => stream(path, packing)?,
+                };
+                let mut feed = feed.told_to(progress);
                 let index = index(&mut feed)?;
+                told = feed.told();
                 content = feed.into_kept().map(Arc::new);
                 index
             }
         };
+        progress.advance(file_bytes(path).saturating_sub(told));
         let warning = check_whole(path, &index, options)?;
         Ok(Self {
             path: path.to_path_buf(),
@@ -241,10 +261,12 @@ impl FileSource {
             Open::Whole(read) if self.packing == Packing::Plain => {
                 read(&self.path, &read::map(&self.path)?, progress)?
             }
-            Open::Whole(read) => read(&self.path, &read::unpacked(&self.path, self.packing)?, progress)?,
+            Open::Whole(read) => {
+                read(&self.path, &read::unpacked(&self.path, self.packing, progress)?, progress)?
+            }
             Open::Text { frame, .. } => {
                 let read_at = |feed: &mut Feed, bytes: Option<u64>| {
-                    feed.skip_to(span.offset, span.line)?;
+                    feed.skip_to(span.offset, span.line, progress)?;
                     let units = self.index.units.as_deref();
                     frame(feed, &Request { options, bytes: span.bytes.or(bytes), units }, progress)
                 };
@@ -324,7 +346,7 @@ mod tests {
 
     #[test]
     fn synthetic_sources_are_one_frame() {
-        let sequence = Sequence::open(&["synthetic:nozzle?n=10".into()], &Options::default()).unwrap();
+        let sequence = Sequence::open(&["synthetic:nozzle?n=10".into()], &Options::default(), &()).unwrap();
         assert_eq!(
             (sequence.len(), sequence.format(), sequence.name(0)),
             (1, "synthetic", "nozzle?n=10".to_string())
@@ -334,8 +356,8 @@ mod tests {
 
     #[test]
     fn no_file_and_a_missing_file_are_errors() {
-        assert!(Sequence::open(&[], &Options::default()).is_err());
-        let missing = Sequence::open(&["no such file.xyz".into()], &Options::default());
+        assert!(Sequence::open(&[], &Options::default(), &()).is_err());
+        let missing = Sequence::open(&["no such file.xyz".into()], &Options::default(), &());
         assert!(matches!(missing.err(), Some(Error::Io { .. })));
     }
 }

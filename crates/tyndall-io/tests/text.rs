@@ -3,9 +3,10 @@
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
+use std::sync::Mutex;
 
 use serde_json::Value;
-use tyndall::{DVec3, Particles, Values};
+use tyndall::{DVec3, Error, Particles, Progress, Values};
 use tyndall_io::{Frame, Options, Sequence};
 
 fn fixture(name: &str) -> PathBuf {
@@ -13,7 +14,7 @@ fn fixture(name: &str) -> PathBuf {
 }
 
 fn open(path: &Path) -> Sequence {
-    Sequence::open(&[path.to_path_buf()], &Options::default()).unwrap_or_else(|error| panic!("{error}"))
+    Sequence::open(&[path.to_path_buf()], &Options::default(), &()).unwrap_or_else(|error| panic!("{error}"))
 }
 
 fn frame(sequence: &Sequence, frame: usize) -> Frame {
@@ -142,7 +143,7 @@ fn frames_are_found_in_any_order_and_compression() {
         check_trajectory(&sequence, [0, 59, 3, 4, 30, 29].into_iter());
     }
     // Two compressed files together are not kept unpacked: frames are reached by unpacking on, or again.
-    let both = Sequence::open(&[packed, plain, zstd], &Options::default()).unwrap();
+    let both = Sequence::open(&[packed, plain, zstd], &Options::default(), &()).unwrap();
     assert_eq!((both.len(), both.format()), (180, "XYZ (text, gzip)"));
     check_trajectory(&both, [0, 1, 59, 3, 58].into_iter());
     let last = frame(&both, 120 + 17).particles;
@@ -153,6 +154,103 @@ fn frames_are_found_in_any_order_and_compression() {
             scope.spawn(move || check_trajectory(both, (thread..60).step_by(7)));
         }
     });
+}
+
+/// Notes what it is told, and stops the work once it was told of more than so many bytes.
+struct Listener {
+    stages: Mutex<Vec<(String, Option<u64>, u64)>>,
+    patience: u64,
+}
+
+impl Listener {
+    fn new(patience: u64) -> Self {
+        Self { stages: Mutex::default(), patience }
+    }
+
+    /// The stages: name, total, how much of it was done.
+    fn stages(self) -> Vec<(String, Option<u64>, u64)> {
+        self.stages.into_inner().unwrap()
+    }
+}
+
+impl Progress for Listener {
+    fn begin(&self, stage: &str, total: Option<u64>, _unit: &'static str) {
+        self.stages.lock().unwrap().push((stage.to_string(), total, 0));
+    }
+
+    fn advance(&self, amount: u64) {
+        self.stages.lock().unwrap().last_mut().unwrap().2 += amount;
+    }
+
+    fn cancelled(&self) -> bool {
+        self.stages.lock().unwrap().last().is_some_and(|stage| stage.2 > self.patience)
+    }
+}
+
+/// A trajectory of about 40 MB, plain and compressed, which saves little.
+fn long_trajectories(folder: &Folder) -> [PathBuf; 3] {
+    let digits = |k: u32, prime: u32| k.wrapping_mul(prime) % 1_000_000_007;
+    let row = |k| format!("Cu {} 2.{} {}\n", digits(k, 2_654_435_761), digits(k, 97_711), digits(k, 65_537));
+    let rows: String = (0..100_000).map(row).collect();
+    let frame = format!("100000\nProperties=species:S:1:pos:R:3\n{rows}");
+    let text = frame.repeat(10).into_bytes();
+    let (packed, zstd) = (gzip(&text), zstd(&text));
+    [folder.file("a.xyz", &text), folder.file("a.xyz.gz", &packed), folder.file("a.xyz.zst", &zstd)]
+}
+
+#[test]
+fn opening_tells_how_much_of_the_files_it_has_seen() {
+    let folder = Folder::new("told");
+    let mut paths = long_trajectories(&folder).to_vec();
+    paths.push(fixture("comma.csv"));
+    paths.push(fixture("aligned.npy"));
+    let bytes = |path: &PathBuf| std::fs::metadata(path).unwrap().len();
+    let total = paths.iter().map(bytes).sum();
+    let listener = Listener::new(u64::MAX);
+    Sequence::open(&paths, &Options::default(), &listener).unwrap();
+    assert_eq!(listener.stages(), [("open".to_string(), Some(total), total)]);
+}
+
+#[test]
+fn opening_ends_soon_after_it_is_cancelled() {
+    let folder = Folder::new("cancelled");
+    for path in long_trajectories(&folder) {
+        let bytes = std::fs::metadata(&path).unwrap().len();
+        let listener = Listener::new(bytes / 10);
+        let opened = Sequence::open(std::slice::from_ref(&path), &Options::default(), &listener);
+        assert!(matches!(opened.err(), Some(Error::Interrupted)), "{}", path.display());
+        let (_, _, told) = listener.stages()[0].clone();
+        assert!(told < bytes / 2, "{told} of {bytes} bytes of {}", path.display());
+    }
+}
+
+#[test]
+fn reading_on_in_a_compressed_file_can_be_cancelled() {
+    let folder = Folder::new("cancelled-frame");
+    // Two files, so that neither is kept unpacked.
+    let sequence = Sequence::open(&long_trajectories(&folder)[1..], &Options::default(), &()).unwrap();
+    let listener = Listener::new(0);
+    listener.begin("other work", None, "B");
+    listener.advance(1);
+    assert!(matches!(sequence.frame(9, &listener).err(), Some(Error::Interrupted)));
+    assert_eq!(listener.stages().len(), 1, "no stage begins any more");
+}
+
+#[test]
+fn unpacking_whole_content_is_told_and_can_be_cancelled() {
+    let folder = Folder::new("unpacked");
+    let rows: Vec<u8> = (0..6_000_000u32).flat_map(|k| ((k % 4096) as f32).to_le_bytes()).collect();
+    let header = format!("{:117}\n", "{'descr': '<f4', 'fortran_order': False, 'shape': (2000000, 3), }");
+    let npy = [b"\x93NUMPY\x01\0\x76\0", header.as_bytes(), &rows].concat();
+    let path = folder.file("a.npy.gz", &gzip(&npy));
+    let bytes = std::fs::metadata(&path).unwrap().len();
+    let sequence = open(&path);
+    let listener = Listener::new(u64::MAX);
+    assert_eq!(sequence.frame(0, &listener).unwrap().particles.len(), 2_000_000);
+    assert_eq!(listener.stages()[0], ("unpack".to_string(), Some(bytes), bytes));
+    let listener = Listener::new(0);
+    assert!(matches!(sequence.frame(0, &listener).err(), Some(Error::Interrupted)));
+    assert!(listener.stages()[0].2 < bytes);
 }
 
 #[test]
@@ -174,10 +272,10 @@ fn truncated_files_give_their_whole_frames_or_fail() {
             "{name} ends inside frame {next} of ≥{next} — {whole} whole frames read (use --strict to fail)"
         );
         assert_eq!(frame(&sequence, 0).warnings, [wanted]);
-        assert!(Sequence::open(&[path], &strict).is_err());
+        assert!(Sequence::open(&[path], &strict, &()).is_err());
     }
     let nothing = folder.file("nothing.xyz", &text[..50]);
-    let error = Sequence::open(&[nothing], &Options::default()).err().unwrap().to_string();
+    let error = Sequence::open(&[nothing], &Options::default(), &()).err().unwrap().to_string();
     assert!(error.contains("ends inside its first frame"), "{error}");
     let table = gzip(
         "x,y,z\n"
@@ -193,7 +291,7 @@ fn truncated_files_give_their_whole_frames_or_fail() {
         "{:?}",
         read.warnings
     );
-    assert!(Sequence::open(&[table], &strict).unwrap().frame(0, &()).is_err());
+    assert!(Sequence::open(&[table], &strict, &()).unwrap().frame(0, &()).is_err());
 }
 
 #[test]
@@ -223,7 +321,7 @@ fn damaged_and_hostile_files_fail_kindly() {
     ];
     for (name, bytes) in cases {
         let path = folder.file(name, &bytes);
-        let read = Sequence::open(&[path], &Options::default()).and_then(|it| it.frame(0, &()));
+        let read = Sequence::open(&[path], &Options::default(), &()).and_then(|it| it.frame(0, &()));
         let error = read.err().unwrap_or_else(|| panic!("{name} was read")).to_string();
         assert!(error.contains(name), "{error}");
     }
@@ -253,7 +351,7 @@ fn altered_files_never_panic() {
         }
         let packed = seed % 5 == 0;
         let path = folder.file("altered", &if packed { gzip(&text) } else { text });
-        if let Ok(sequence) = Sequence::open(&[path], &Options::default()) {
+        if let Ok(sequence) = Sequence::open(&[path], &Options::default(), &()) {
             println!("seed {seed}: {} frames", sequence.len());
             (0..sequence.len()).for_each(|k| drop(sequence.frame(k, &())));
         }
@@ -477,11 +575,11 @@ fn known_formats_that_are_not_read_are_named() {
         ("vtk/fluid_250_particles.vtu", "VTK"),
     ];
     for (name, format) in cases {
-        let error = Sequence::open(&[folder.join(name)], &Options::default()).err();
+        let error = Sequence::open(&[folder.join(name)], &Options::default(), &()).err();
         let error = error.unwrap_or_else(|| panic!("{name} was opened")).to_string();
         assert!(error.contains("does not read yet") && error.contains(format), "{name}: {error}");
     }
     for name in ["molecular/2axd.bcif", "molecular/4HHB.mmtf", "partio/fluid50.ptc", "volume/hf.dx"] {
-        assert!(Sequence::open(&[folder.join(name)], &Options::default()).is_err(), "{name} was opened");
+        assert!(Sequence::open(&[folder.join(name)], &Options::default(), &()).is_err(), "{name} was opened");
     }
 }

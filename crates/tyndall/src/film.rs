@@ -1,7 +1,7 @@
 //! The finished picture, as plain columns of pixels, row by row from the top left.
 
 /// A picture with its layers. Every column holds `width * height` values.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Image {
     /// Pixels in a row.
     pub width: u32,

@@ -68,10 +68,11 @@ pub struct Ray {
 }
 
 impl Ray {
-    /// One over the direction, with no exact zero: a side parallel to the ray is met far away, on the side where the ray is.
+    /// One over the direction, with nothing near zero: a side parallel to the ray is met far away, on the side where the ray is.
+    /// What that turns the ray by is far below [`HIT_ROUNDING`].
     #[inline(always)]
     pub(crate) fn inv_direction(&self) -> Vec3 {
-        let inverse = |d: f32| 1.0 / if d.abs() < 1e-20 { 1e-20_f32.copysign(d) } else { d };
+        let inverse = |d: f32| 1.0 / if d.abs() < 1e-16 { 1e-16_f32.copysign(d) } else { d };
         Vec3::new(inverse(self.direction.x), inverse(self.direction.y), inverse(self.direction.z))
     }
 }

@@ -2,7 +2,7 @@
 
 /// Listens to long work. Called from many threads, at most a few hundred times a second.
 pub trait Progress: Sync {
-    /// A new stage begins: its name ("read", "build", "render") and how much there is to do, in `unit` ("B", "particles",
+    /// A new stage begins: its name ("open", "read", "build", "render") and how much there is to do, in `unit` ("B", "particles",
     /// "samples"); `None` if that is not known.
     fn begin(&self, stage: &str, total: Option<u64>, unit: &'static str);
     /// `amount` more of the current stage is done.

@@ -2,7 +2,7 @@
 //!
 //! All is `#[inline(always)]` and free of closures: what is not inlined into a kernel is compiled without its instruction set.
 
-use fearless_simd::{f32x16, mask32x16, prelude::*};
+use fearless_simd::{f32x16, mask32x16, prelude::*, u8x16, u16x16};
 use glam::Vec3;
 
 use crate::math::HIT_ROUNDING;
@@ -79,6 +79,16 @@ impl<S: Simd> Lanes3<f32x16<S>> {
         }
     }
 
+    /// `self` where the mask is set, `other` where it is not.
+    #[inline(always)]
+    pub(crate) fn where_else(self, mask: mask32x16<S>, other: Self) -> Self {
+        Self {
+            x: mask.select(self.x, other.x),
+            y: mask.select(self.y, other.y),
+            z: mask.select(self.z, other.z),
+        }
+    }
+
     #[inline(always)]
     pub(crate) fn to_arrays(self) -> [[f32; 16]; 3] {
         [self.x.to_array(), self.y.to_array(), self.z.to_array()]
@@ -90,6 +100,21 @@ impl<S: Simd> Lanes3<f32x16<S>> {
         self.y.store_array(&mut columns[1]);
         self.z.store_array(&mut columns[2]);
     }
+}
+
+/// Sixteen bytes as floats.
+#[inline(always)]
+pub(crate) fn floats_of_bytes<S: Simd>(simd: S, bytes: &[u8; 16]) -> f32x16<S> {
+    let (low, high) = u8x16::load_array_ref(simd, bytes).widen();
+    let ((a, b), (c, d)) = (low.widen(), high.widen());
+    f32x16::float_from(a.combine(b).combine(c.combine(d)))
+}
+
+/// Sixteen 16-bit numbers as floats.
+#[inline(always)]
+pub(crate) fn floats_of_words<S: Simd>(simd: S, words: &[u16; 16]) -> f32x16<S> {
+    let (low, high) = u16x16::load_array_ref(simd, words).widen();
+    f32x16::float_from(low.combine(high))
 }
 
 /// How far things reach to both sides along an axis.

@@ -1,8 +1,12 @@
 //! Ctrl-C: what is finished stays whole, nothing else stays.
 #![cfg(unix)]
 
+use std::io::Write;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
+
+use flate2::Compression;
+use flate2::write::GzEncoder;
 
 use super::{Folder, Ran, png};
 
@@ -57,4 +61,26 @@ fn an_unfinished_picture_leaves_nothing() {
     assert_eq!(ran.code, 130, "{ran:?}");
     assert!(ran.err.ends_with("interrupted: 0 of 1 pictures written\n"), "{ran:?}");
     assert!(folder.names().is_empty(), "{:?}", folder.names());
+}
+
+fn gzip(text: &str) -> Vec<u8> {
+    let mut encoder = GzEncoder::new(Vec::new(), Compression::best());
+    encoder.write_all(text.as_bytes()).unwrap();
+    encoder.finish().unwrap()
+}
+
+#[test]
+fn opening_a_long_compressed_file_can_be_interrupted() {
+    let folder = Folder::new();
+    // 16 GiB of rows, packed to 16 MB; their count is never reached, so that whoever opens this to its end fails otherwise.
+    let rows = gzip(&"Cu 1.0 2.0 3.0\n".repeat(1 << 22));
+    folder.file("a.xyz.gz", [gzip("1000000000000\n\n"), rows.repeat(280)].concat());
+    for line in ["info a.xyz.gz", "render a.xyz.gz -o o.png"] {
+        let child = spawn(&folder, line);
+        // Long enough to be at work: opening needs many seconds.
+        std::thread::sleep(Duration::from_millis(400));
+        let ran = interrupt(child);
+        assert_eq!((ran.code, ran.err.as_str()), (130, "interrupted: nothing written\n"), "{line}");
+    }
+    assert_eq!(folder.names(), ["a.xyz.gz"]);
 }

@@ -2,12 +2,15 @@
 //!
 //! Takes the mapped bytes, or a stream; gives single lines (headers) and newline-aligned blocks (rows), and knows the offset
 //! and the line number of what comes next. A stream holds no more than two blocks; while one is parsed the next is unpacked.
+//! Long passes over the content can be listened to: see [`Feed::told_to`].
 
 use std::io::{ErrorKind, Read};
 use std::path::{Path, PathBuf};
 
 use memchr::{memchr, memchr_iter, memrchr};
-use tyndall::{Error, Result};
+use tyndall::{Error, Progress, Result};
+
+use super::unpack::Stream;
 
 /// The longest line that is taken for text.
 const LONGEST_LINE: usize = 64 << 20;
@@ -15,8 +18,8 @@ const LONGEST_LINE: usize = 64 << 20;
 const WINDOW: usize = 1 << 18;
 /// How much a stream unpacks at once.
 const STREAM_STEP: usize = 1 << 20;
-
-type Stream = Box<dyn Read + Send>;
+/// How much content is passed over between two words to who listens: at most a few hundred times a second.
+const TOLD_STEP: u64 = 8 << 20;
 
 /// A place in the content, and how to read on from it.
 pub(crate) struct Feed<'a> {
@@ -33,6 +36,16 @@ pub(crate) struct Feed<'a> {
     ragged: Option<Vec<u8>>,
     /// All content so far, and how large it may become.
     kept: Option<(Vec<u8>, u64)>,
+    listener: Option<Listener<'a>>,
+}
+
+/// Who is told how much of the file is read.
+struct Listener<'a> {
+    progress: &'a dyn Progress,
+    /// How many bytes of the file it was told of.
+    told: u64,
+    /// The offset from which on there is more to tell.
+    next: u64,
 }
 
 /// A block of whole lines.
@@ -61,6 +74,7 @@ impl<'a> Feed<'a> {
             cut: false,
             ragged: None,
             kept: None,
+            listener: None,
         }
     }
 
@@ -72,6 +86,18 @@ impl<'a> Feed<'a> {
     /// Keeps what the stream gives, as long as it is not more than `most` bytes. To be called before anything is read.
     pub(crate) fn keeping(self, most: u64) -> Self {
         Self { kept: Some((Vec::new(), most)), ..self }
+    }
+
+    /// Advances `progress` by the bytes of the file, compressed ones where it is, as the content is passed over; from then on
+    /// everything fails with [`Error::Interrupted`] soon after it is cancelled. The last few bytes are not told: see
+    /// [`Feed::told`].
+    pub(crate) fn told_to(self, progress: &'a dyn Progress) -> Self {
+        Self { listener: Some(Listener { progress, told: 0, next: TOLD_STEP }), ..self }
+    }
+
+    /// How many bytes of the file were told to who listens.
+    pub(crate) fn told(&self) -> u64 {
+        self.listener.as_ref().map_or(0, |listener| listener.told)
     }
 
     /// The whole content, if it was kept, read to its end, and not larger than wanted.
@@ -119,8 +145,23 @@ impl<'a> Feed<'a> {
         self.line += lines;
     }
 
+    /// Tells who listens how far the file is read, if that is much further than when it was told last.
+    fn tell(&mut self) -> Result<()> {
+        let taken = self.stream.as_ref().map_or(self.offset, Stream::taken);
+        match &mut self.listener {
+            Some(listener) if self.offset >= listener.next => {
+                listener.progress.advance(taken - listener.told);
+                listener.told = taken;
+                listener.next = self.offset + TOLD_STEP;
+                if listener.progress.cancelled() { Err(Error::Interrupted) } else { Ok(()) }
+            }
+            _ => Ok(()),
+        }
+    }
+
     /// Sees to it that `wanted` unread bytes are there, or all that are left.
     fn fill(&mut self, wanted: usize) -> Result<()> {
+        self.tell()?;
         while self.unread().len() < wanted {
             if self.start > 0 && self.stream.is_some() {
                 self.buffer.drain(..self.start);
@@ -217,9 +258,13 @@ impl<'a> Feed<'a> {
         Ok(skipped)
     }
 
-    /// Passes on to `offset`, which must not lie behind, where line `line` begins; stops at the end of the content.
-    pub(crate) fn skip_to(&mut self, offset: u64, line: u64) -> Result<()> {
+    /// Passes on to `offset`, which must not lie behind, where line `line` begins; stops at the end of the content, or when
+    /// `progress` is cancelled.
+    pub(crate) fn skip_to(&mut self, offset: u64, line: u64, progress: &dyn Progress) -> Result<()> {
         while self.offset < offset {
+            if progress.cancelled() {
+                return Err(Error::Interrupted);
+            }
             self.fill(WINDOW)?;
             let step = (self.unread().len() as u64).min(offset - self.offset);
             if step == 0 {
@@ -330,10 +375,11 @@ fn unpack(stream: &mut Stream, buffer: &mut Vec<u8>, step: usize, path: &Path) -
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::read::Packing;
 
     fn feeds(text: &'static [u8]) -> [Feed<'static>; 2] {
         let path = Path::new("text");
-        [Feed::over(path, text), Feed::from_stream(path, Box::new(text))]
+        [Feed::over(path, text), Feed::from_stream(path, Packing::Plain.stream(text))]
     }
 
     #[test]
@@ -364,7 +410,7 @@ mod tests {
     #[test]
     fn skipping_to_an_offset_sets_the_line() {
         for mut feed in feeds(b"a\nb\nc\n") {
-            feed.skip_to(4, 3).unwrap();
+            feed.skip_to(4, 3, &()).unwrap();
             assert_eq!(feed.line().unwrap().as_deref(), Some("c"));
             assert_eq!(feed.line_number(), 4);
         }

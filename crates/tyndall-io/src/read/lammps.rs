@@ -315,7 +315,7 @@ mod tests {
         let index = index(&mut Feed::over(path, text.as_bytes()))?;
         let frame = |span: &Span| {
             let mut feed = Feed::over(path, text.as_bytes());
-            feed.skip_to(span.offset, span.line)?;
+            feed.skip_to(span.offset, span.line, &())?;
             frame(&mut feed, &Request { options, bytes: span.bytes, units: index.units.as_deref() }, &())
         };
         index.frames.iter().map(frame).collect()

@@ -33,6 +33,8 @@ pub(crate) use unpack::Packing;
 
 /// How much of a file decides its format.
 const HEAD: u64 = 64 << 10;
+/// How much is unpacked between two looks at the progress.
+const UNPACK_STEP: usize = 4 << 20;
 
 /// A format that can be read.
 pub(crate) struct Format {
@@ -184,29 +186,35 @@ fn head(path: &Path) -> Result<(Vec<u8>, Packing)> {
     }
 }
 
-/// The whole content of a compressed file.
-pub(crate) fn unpacked(path: &Path, packing: Packing) -> Result<Vec<u8>> {
-    let file = File::open(path).map_err(|source| Error::io(path, source))?;
+/// The whole content of a compressed file. Stage "unpack", in bytes of the file.
+pub(crate) fn unpacked(path: &Path, packing: Packing, progress: &dyn Progress) -> Result<Vec<u8>> {
+    let io = |source| Error::io(path, source);
+    let file = File::open(path).map_err(io)?;
+    progress.begin("unpack", Some(file.metadata().map_err(io)?.len()), "B");
     let mut stream = packing.stream(file);
     let mut bytes = Vec::new();
-    let mut step = 1 << 20;
+    let mut told = 0;
     loop {
-        // Grown by what was really there, so that a small file which claims to be huge fails late and kindly.
-        bytes.try_reserve(step).map_err(|_| Error::Memory {
+        if progress.cancelled() {
+            return Err(Error::Interrupted);
+        }
+        // Room grows with what was really there, so that a small file which claims to be huge fails late and kindly.
+        bytes.try_reserve(UNPACK_STEP).map_err(|_| Error::Memory {
             what: format!("the unpacked content of {}", path.display()),
-            needed_bytes: (bytes.len() + step) as u64,
+            needed_bytes: (bytes.len() + UNPACK_STEP) as u64,
             available_bytes: bytes.len() as u64,
             hint: "unpack the file on disk: it is then mapped".to_string(),
         })?;
-        let read = (&mut stream).take(step as u64).read_to_end(&mut bytes);
+        let read = (&mut stream).take(UNPACK_STEP as u64).read_to_end(&mut bytes);
         let count = read.map_err(|error| {
             let what = format!("the compressed data end early or are damaged: {error}");
             Error::format(path, "", what, "was the file copied to its end?")
         })?;
-        if count < step {
+        progress.advance(stream.taken() - told);
+        told = stream.taken();
+        if count < UNPACK_STEP {
             return Ok(bytes);
         }
-        step = bytes.len();
     }
 }
 
@@ -292,8 +300,8 @@ mod tests {
         let packed =
             ruzstd::encoding::compress_to_vec(&bytes[..], ruzstd::encoding::CompressionLevel::Fastest);
         let file = Temporary::new("whole.zst", &packed);
-        assert!(unpacked(&file.0, Packing::Zstd).unwrap() == bytes);
+        assert!(unpacked(&file.0, Packing::Zstd, &()).unwrap() == bytes);
         let cut = Temporary::new("cut.zst", &packed[..packed.len() / 2]);
-        assert!(unpacked(&cut.0, Packing::Zstd).unwrap_err().to_string().contains("end early"));
+        assert!(unpacked(&cut.0, Packing::Zstd, &()).unwrap_err().to_string().contains("end early"));
     }
 }

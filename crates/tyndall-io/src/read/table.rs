@@ -232,7 +232,7 @@ pub(crate) fn frame(feed: &mut Feed, request: &Request, progress: &dyn Progress)
     let path = feed.path().to_path_buf();
     if feed.peek(3)? == b"\xef\xbb\xbf" {
         // The mark of UTF-8 that some programs put in front.
-        feed.skip_to(3, 1)?;
+        feed.skip_to(3, 1, progress)?;
     }
     let head = feed.peek(super::HEAD as usize)?;
     let shape = shape(head)

@@ -1,10 +1,12 @@
 //! Compressed files: which compression it is, by its magic bytes, and the bytes inside as a stream.
 //!
 //! Gzip may have many members and Zstandard many frames; both are read to their end. A stream that stops too early fails
-//! with [`ErrorKind::UnexpectedEof`], one that is damaged with [`ErrorKind::InvalidData`].
+//! with [`ErrorKind::UnexpectedEof`], one that is damaged with [`ErrorKind::InvalidData`]. It counts what it takes of the
+//! file, so that a progress has a total that is known beforehand: the file's size.
 
-use std::fs::File;
 use std::io::{BufRead, BufReader, Error, ErrorKind, Read, Result};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
 
 use flate2::bufread::GzDecoder;
 use ruzstd::decoding::errors::{FrameDecoderError, ReadFrameHeaderError};
@@ -45,20 +47,56 @@ impl Packing {
     }
 
     /// The content of `file`.
-    pub(crate) fn stream(self, file: File) -> Box<dyn Read + Send> {
-        let file = BufReader::with_capacity(1 << 18, file);
-        match self {
+    pub(crate) fn stream(self, file: impl Read + Send + 'static) -> Stream {
+        let taken = Arc::default();
+        let counted = Counted { file: Box::new(file), taken: Arc::clone(&taken) };
+        let file = BufReader::with_capacity(1 << 18, counted);
+        let content: Box<dyn Read + Send> = match self {
             Self::Plain => Box::new(file),
             Self::Gzip => Box::new(Gzip { member: Some(GzDecoder::new(file)) }),
             Self::Zstd => Box::new(Zstd { file, decoder: FrameDecoder::new(), inside: false }),
-        }
+        };
+        Stream { content, taken }
+    }
+}
+
+/// The content of a file, unpacked while it is read.
+pub(crate) struct Stream {
+    content: Box<dyn Read + Send>,
+    taken: Arc<AtomicU64>,
+}
+
+impl Stream {
+    /// How many bytes of the file it has taken: somewhat more than the content so far needs, the whole file at its end.
+    pub(crate) fn taken(&self) -> u64 {
+        self.taken.load(Ordering::Relaxed)
+    }
+}
+
+impl Read for Stream {
+    fn read(&mut self, buffer: &mut [u8]) -> Result<usize> {
+        self.content.read(buffer)
+    }
+}
+
+/// A file that counts its bytes as they are read.
+struct Counted {
+    file: Box<dyn Read + Send>,
+    taken: Arc<AtomicU64>,
+}
+
+impl Read for Counted {
+    fn read(&mut self, buffer: &mut [u8]) -> Result<usize> {
+        let count = self.file.read(buffer)?;
+        self.taken.fetch_add(count as u64, Ordering::Relaxed);
+        Ok(count)
     }
 }
 
 /// All members of a gzip file, one after the other. Zeros behind a member, with which tapes fill their blocks, are passed over.
 struct Gzip {
     /// The member that is being read; `None` at the end.
-    member: Option<GzDecoder<BufReader<File>>>,
+    member: Option<GzDecoder<BufReader<Counted>>>,
 }
 
 impl Read for Gzip {
@@ -87,7 +125,7 @@ impl Read for Gzip {
 
 /// All frames of a Zstandard file, one after the other.
 struct Zstd {
-    file: BufReader<File>,
+    file: BufReader<Counted>,
     decoder: FrameDecoder,
     inside: bool,
 }
@@ -145,12 +183,11 @@ mod tests {
     use super::*;
     use std::io::Write;
 
-    fn unpacked(name: &str, bytes: &[u8]) -> Result<Vec<u8>> {
-        let path = std::env::temp_dir().join(format!("tyndall-unpack-{}-{name}", std::process::id()));
-        std::fs::write(&path, bytes).unwrap();
+    fn unpacked(bytes: &[u8]) -> Result<Vec<u8>> {
         let mut out = Vec::new();
-        let read = Packing::of(bytes).stream(File::open(&path).unwrap()).read_to_end(&mut out);
-        std::fs::remove_file(&path).unwrap();
+        let mut stream = Packing::of(bytes).stream(std::io::Cursor::new(bytes.to_vec()));
+        let read = stream.read_to_end(&mut out);
+        assert_eq!(stream.taken(), bytes.len() as u64, "the file is taken to its end");
         read.map(|_| out)
     }
 
@@ -166,29 +203,29 @@ mod tests {
 
     #[test]
     fn all_members_and_frames_are_read() {
-        assert_eq!(unpacked("gz", &[gzip(b"one "), gzip(b"two")].concat()).unwrap(), b"one two");
+        assert_eq!(unpacked(&[gzip(b"one "), gzip(b"two")].concat()).unwrap(), b"one two");
         assert_eq!(
-            unpacked("pad.gz", &[gzip(b"one "), vec![0; 512], gzip(b"two"), vec![0; 3]].concat()).unwrap(),
+            unpacked(&[gzip(b"one "), vec![0; 512], gzip(b"two"), vec![0; 3]].concat()).unwrap(),
             b"one two"
         );
-        assert!(unpacked("tail.gz", &[gzip(b"one "), b"garbage behind it".to_vec()].concat()).is_err());
+        assert!(unpacked(&[gzip(b"one "), b"garbage behind it".to_vec()].concat()).is_err());
         let skippable = [0x50, 0x2a, 0x4d, 0x18, 3, 0, 0, 0, 9, 9, 9];
         let frames = [&skippable[..], &zstd(b"one "), &skippable, &zstd(b"two")].concat();
-        assert_eq!(unpacked("zst", &frames).unwrap(), b"one two");
+        assert_eq!(unpacked(&frames).unwrap(), b"one two");
     }
 
     #[test]
     fn a_stream_that_stops_early_says_so() {
         let text: Vec<u8> =
             (0..50_000u32).flat_map(|k| (k.wrapping_mul(2654435761)).to_string().into_bytes()).collect();
-        for (name, packed) in [("cut.gz", gzip(&text)), ("cut.zst", zstd(&text))] {
-            let error = unpacked(name, &packed[..packed.len() / 2]).unwrap_err();
+        for (name, packed) in [("gzip", gzip(&text)), ("zstd", zstd(&text))] {
+            let error = unpacked(&packed[..packed.len() / 2]).unwrap_err();
             assert_eq!(error.kind(), ErrorKind::UnexpectedEof, "{name}");
         }
     }
 
     #[test]
     fn plain_bytes_pass() {
-        assert_eq!(unpacked("plain", b"1 2 3").unwrap(), b"1 2 3");
+        assert_eq!(unpacked(b"1 2 3").unwrap(), b"1 2 3");
     }
 }

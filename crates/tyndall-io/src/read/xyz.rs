@@ -317,7 +317,7 @@ mod tests {
         let mut frames = Vec::new();
         for span in &index.frames {
             let mut feed = Feed::over(Path::new("a.xyz"), text.as_bytes());
-            feed.skip_to(span.offset, span.line)?;
+            feed.skip_to(span.offset, span.line, &())?;
             let request = Request { options: &options, bytes: span.bytes, units: None };
             frames.push(frame(&mut feed, &request, &())?);
         }

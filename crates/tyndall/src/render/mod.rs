@@ -86,15 +86,30 @@ impl<'a> Renderer<'a> {
             count,
             centered: self.settings.samples == 1,
         };
-        let pass = cpu::Pass::new(self.scene, self.view, added);
+        let pass = self.film.pass(self.scene, self.view, added);
         cpu::for_each_tile(&mut self.film, &pass, self.level, progress);
         self.samples_done += count;
         if progress.cancelled() { Err(Error::Interrupted) } else { Ok(()) }
     }
 
+    /// Starts anew with another camera, in the same memory. Fails as [`Renderer::new`] does.
+    pub fn restart(&mut self, camera: &Camera) -> Result<()> {
+        let Settings { width, height, .. } = self.settings;
+        self.view = camera.view(self.scene.structure().origin(), width, height)?;
+        self.samples_done = 0;
+        Ok(())
+    }
+
     /// The picture of the samples so far.
     pub fn image(&self) -> Image {
-        self.film.image(self.scene, self.samples_done)
+        let mut image = Image::default();
+        self.image_into(&mut image);
+        image
+    }
+
+    /// Writes the picture of the samples so far, whatever `image` was before.
+    pub fn image_into(&self, image: &mut Image) {
+        self.film.image_into(self.scene, self.samples_done, image);
     }
 }
 

@@ -6,6 +6,7 @@
 
 mod build;
 pub mod bvh;
+mod pages;
 pub mod pkd;
 
 use glam::{DVec3, Vec3};
@@ -74,11 +75,14 @@ pub struct Hit {
 }
 
 impl Hit {
-    /// The nearer of two, of equally near ones that with the smaller id.
+    /// The nearer of the best so far and what is met at `node`; of equally near ones that with the smaller id.
     #[inline(always)]
-    pub(crate) fn keep_nearer(best: &mut Option<Hit>, hit: Hit) {
-        if best.is_none_or(|best| hit.t < best.t || (hit.t == best.t && hit.id < best.id)) {
-            *best = Some(hit);
+    fn keep_nearer(best: &mut Option<Hit>, t: f32, node: u32, ids: &[u32]) {
+        if best.is_none_or(|best| t <= best.t) {
+            let id = ids[node as usize];
+            if best.is_none_or(|best| t < best.t || id < best.id) {
+                *best = Some(Hit { t, id, node });
+            }
         }
     }
 }
@@ -245,8 +249,8 @@ impl Brute {
 
     fn intersect(&self, ray: &Ray, except: Option<u32>) -> Option<Hit> {
         let mut best = None;
-        for hit in self.hits(ray, except) {
-            Hit::keep_nearer(&mut best, hit);
+        for (t, node) in self.hits(ray, except) {
+            Hit::keep_nearer(&mut best, t, node, &self.ids);
         }
         best
     }
@@ -273,10 +277,10 @@ impl Brute {
         size_of_val(&self.spheres[..]) as u64
     }
 
-    fn hits(&self, ray: &Ray, except: Option<u32>) -> impl Iterator<Item = Hit> {
+    fn hits(&self, ray: &Ray, except: Option<u32>) -> impl Iterator<Item = (f32, u32)> {
         (0u32..).zip(&self.spheres).filter_map(move |(node, &(center, radius))| {
             let t = enter_sphere(ray, center, radius);
-            (t < ray.t_max && except != Some(node)).then_some(Hit { t, id: node, node })
+            (t < ray.t_max && except != Some(node)).then_some((t, node))
         })
     }
 }

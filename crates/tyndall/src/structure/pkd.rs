@@ -132,7 +132,7 @@ impl Pkd {
             let within = Ray { t_max: ray.t_max.next_up().min(t_max), ..*ray };
             let t = enter_sphere(&within, pkd.center(node), pkd.radius(node));
             if t < within.t_max && except != Some(node as u32) {
-                Hit::keep_nearer(&mut best, Hit { t, id: pkd.ids[node], node: node as u32 });
+                Hit::keep_nearer(&mut best, t, node as u32, &pkd.ids);
                 // Clip the ray to the nearest hit: what is behind it is hidden.
                 ray.t_max = best.map_or(ray.t_max, |best: Hit| best.t);
             }

@@ -178,6 +178,27 @@ fn every_width_of_simd_renders_the_same_bits() {
 }
 
 #[test]
+fn a_renderer_that_starts_anew_forgets_what_it_saw() {
+    let mut random = Random::new(91);
+    let (particles, radii) = particles(Law::MixedRadii, 500, &mut random);
+    let settings = Settings { width: 40, height: 30, samples: 5, seed: 2 };
+    let scene = scene(&particles, &radii, Kind::default(), Lighting::Headlight);
+    let [first, second] = [0, 1].map(|_| camera(&particles.bounds(), &mut random));
+    let expected = image(&scene, &second, &settings, Level::new());
+    let mut renderer = Renderer::new(&scene, &first, &settings).unwrap();
+    assert!(renderer.image().shows_nothing(), "no pass, no picture");
+    renderer.pass(&()).unwrap();
+    renderer.restart(&second).unwrap();
+    assert!(renderer.image().shows_nothing(), "no pass, no picture");
+    while !renderer.is_done() {
+        renderer.pass(&()).unwrap();
+    }
+    let mut found = image(&scene, &first, &settings, Level::new());
+    renderer.image_into(&mut found);
+    assert_eq!(differing_pixels(&expected, &found), 0);
+}
+
+#[test]
 fn one_thread_and_two_render_the_same_bits() {
     let mut random = Random::new(77);
     let (particles, radii) = particles(Law::MixedRadii, 50_000, &mut random);

@@ -8,7 +8,7 @@ mod pass;
 mod shadows;
 mod tiles;
 
-use fearless_simd::{Level, Simd, dispatch, f32x16, mask32x16, prelude::*};
+use fearless_simd::{Level, Simd, dispatch, f32x16, mask32x16, prelude::*, u32x16};
 use fearless_simd_macros::simd;
 use glam::Vec3;
 use rayon::prelude::*;
@@ -17,10 +17,13 @@ use super::shade::{key_radiance, sky_radiance};
 use crate::film::Image;
 use crate::progress::Progress;
 use crate::scene::Scene;
+use crate::scene::camera::View;
 use crate::scene::light::Lighting;
 use crate::simd::Lanes3;
 use crate::structure::Store;
+use bytemuck::Zeroable;
 use lighting::Surfaces;
+use pass::PATTERN;
 pub(crate) use pass::{Pass, Samples};
 use tiles::{BLOCKS, Beam, EDGE, Entry, RAYS, Tile, block_at};
 
@@ -29,16 +32,16 @@ const FILM_EDGE: usize = 32;
 const FILM_PIXELS: usize = FILM_EDGE * FILM_EDGE;
 
 /// The sums of samples of 32 x 32 pixels.
+#[derive(Clone, Copy, Zeroable)]
 struct FilmTile {
     /// Place in pixels of the upper left corner.
     x: u32,
     y: u32,
     /// Sum of the light of samples that met a particle, and their number.
     sum: [[f32; 4]; FILM_PIXELS],
-    /// What the sample nearest the pixel's center met, and that sample's squared distance from it.
+    /// What the sample nearest the pixel's center met.
     depth: [f32; FILM_PIXELS],
     node: [u32; FILM_PIXELS],
-    nearest_sq: [f32; FILM_PIXELS],
 }
 
 /// Samples gathered so far.
@@ -46,9 +49,19 @@ pub(crate) struct Film {
     width: u32,
     height: u32,
     tiles: Vec<FilmTile>,
+    /// Squared distance from the pixel's center of the sample nearest it, by the pixel's place in the pattern of samples.
+    nearest_sq: [f32; PATTERN * PATTERN],
 }
 
 impl Film {
+    /// What a pass over this film has to know of the samples before it.
+    pub(crate) fn pass<'a>(&mut self, scene: &'a Scene, view: View, added: Samples) -> Pass<'a> {
+        if added.first == 0 {
+            self.nearest_sq.fill(f32::INFINITY);
+        }
+        Pass::new(scene, view, added, &mut self.nearest_sq)
+    }
+
     /// Without samples. Tiles lie along a Morton curve, so that neighbors in time are neighbors in the picture.
     pub(crate) fn new(width: u32, height: u32) -> Self {
         let across = width.div_ceil(FILM_EDGE as u32);
@@ -59,25 +72,23 @@ impl Film {
                 key | u64::from(x >> bit & 1) << (2 * bit) | u64::from(y >> bit & 1) << (2 * bit + 1)
             })
         });
-        let tiles = corners.into_iter().map(|(x, y)| FilmTile {
-            x: x * FILM_EDGE as u32,
-            y: y * FILM_EDGE as u32,
-            sum: [[0.0; 4]; FILM_PIXELS],
-            depth: [f32::INFINITY; FILM_PIXELS],
-            node: [0; FILM_PIXELS],
-            nearest_sq: [f32::INFINITY; FILM_PIXELS],
-        });
-        Self { width, height, tiles: tiles.collect() }
+        // The first pass empties a tile before it adds to it: memory is touched by the thread that uses it.
+        let mut tiles: Vec<FilmTile> = bytemuck::zeroed_vec(corners.len());
+        for (tile, (x, y)) in tiles.iter_mut().zip(corners) {
+            (tile.x, tile.y) = (x * FILM_EDGE as u32, y * FILM_EDGE as u32);
+        }
+        Self { width, height, tiles, nearest_sq: [f32::INFINITY; PATTERN * PATTERN] }
     }
 
-    /// The mean of `samples` samples a pixel, over the scene's background.
-    pub(crate) fn image(&self, scene: &Scene, samples: u32) -> Image {
+    /// Writes the mean of `samples` samples a pixel, over the scene's background.
+    pub(crate) fn image_into(&self, scene: &Scene, samples: u32, image: &mut Image) {
         let width = self.width as usize;
         let pixels = width * self.height as usize;
-        let mut color = vec![[0.0; 4]; pixels];
-        let mut depth = vec![f32::INFINITY; pixels];
-        let mut id = vec![-1; pixels];
-        let inv_samples = 1.0 / samples.max(1) as f32;
+        (image.width, image.height) = (self.width, self.height);
+        image.color.resize(pixels, [0.0; 4]);
+        image.depth.resize(pixels, f32::INFINITY);
+        image.id.resize(pixels, -1);
+        let inv_samples = if samples == 0 { 0.0 } else { 1.0 / samples as f32 };
         let mean = |sum: [f32; 4]| {
             let [r, g, b, count] = sum.map(|sum| sum * inv_samples);
             match scene.background {
@@ -93,23 +104,32 @@ impl Film {
             rows[tile.y as usize / FILM_EDGE].push(tile);
         }
         let stretch = FILM_EDGE * width;
-        let columns =
-            (color.par_chunks_mut(stretch), depth.par_chunks_mut(stretch), id.par_chunks_mut(stretch));
+        let columns = (
+            image.color.par_chunks_mut(stretch),
+            image.depth.par_chunks_mut(stretch),
+            image.id.par_chunks_mut(stretch),
+        );
         columns.into_par_iter().zip(rows).for_each(|((color, depth, id), tiles)| {
             for tile in tiles {
                 let columns = FILM_EDGE.min(width - tile.x as usize);
+                // Neighboring pixels often show the same particle.
+                let mut last = (u32::MAX, 0);
                 for (row, pixels) in (0..color.len() / width).zip((0..).step_by(FILM_EDGE)) {
                     for (at, pixel) in (row * width + tile.x as usize..).zip(pixels..pixels + columns) {
                         color[at] = mean(tile.sum[pixel]);
-                        depth[at] = tile.depth[pixel];
-                        if depth[at] < f32::INFINITY {
-                            id[at] = scene.structure().place(tile.node[pixel]) as i64;
-                        }
+                        depth[at] = if samples == 0 { f32::INFINITY } else { tile.depth[pixel] };
+                        id[at] = if depth[at] < f32::INFINITY {
+                            if tile.node[pixel] != last.0 {
+                                last = (tile.node[pixel], scene.structure().place(tile.node[pixel]) as i64);
+                            }
+                            last.1
+                        } else {
+                            -1
+                        };
                     }
                 }
             }
         });
-        Image { width: self.width, height: self.height, color, depth, id }
     }
 }
 
@@ -144,6 +164,9 @@ pub(crate) fn for_each_tile(film: &mut Film, pass: &Pass, level: Level, progress
 
 #[simd]
 fn render_film_tile<S: Simd>(simd: S, pass: &Pass, film_tile: &mut FilmTile, scratch: &mut Scratch) {
+    if pass.is_first {
+        film_tile.sum = [[0.0; 4]; FILM_PIXELS];
+    }
     for y in (0..FILM_EDGE).step_by(pass.tile_px()) {
         for x in (0..FILM_EDGE).step_by(pass.tile_px()) {
             find_hits(simd, pass, (film_tile.x as usize + x, film_tile.y as usize + y), scratch);
@@ -165,16 +188,14 @@ fn render_film_tile<S: Simd>(simd: S, pass: &Pass, film_tile: &mut FilmTile, scr
     light(simd, pass, film_tile, scratch);
 }
 
-/// Keeps depth and node of the sample nearest the center of each of the block's pixels, the first of which is `first`.
+/// Keeps depth and node of the block's samples that are the nearest so far to the centers of their pixels; the block's first
+/// pixel is `first`.
 fn keep_nearest(pass: &Pass, block: usize, first: usize, film_tile: &mut FilmTile, tile: &Tile) {
     let at = block_at(block % EDGE, block / EDGE);
-    for &(lane, center_sq) in &pass.nearest[block] {
+    for &lane in &pass.nearest[block] {
         let pixel = first + pass.pixel[lane];
-        if center_sq < film_tile.nearest_sq[pixel] {
-            film_tile.nearest_sq[pixel] = center_sq;
-            film_tile.depth[pixel] = tile.depth[at][lane];
-            film_tile.node[pixel] = tile.node[at][lane];
-        }
+        film_tile.depth[pixel] = tile.depth[at][lane];
+        film_tile.node[pixel] = tile.node[at][lane];
     }
 }
 
@@ -186,7 +207,7 @@ fn find_hits<S: Simd>(simd: S, pass: &Pass, corner: (usize, usize), scratch: &mu
     pass.set_rays(simd, corner, tile);
     match &pass.scene.structure().store {
         Store::Bvh(bvh) => {
-            let beam = Beam::new(&pass.view, corner.0 as f32, corner.1 as f32, pass.block_px as f32);
+            let beam = Beam::new(pass, corner.0 as f32, corner.1 as f32);
             tiles::walk(simd, bvh, &pass.view, &beam, tile, &mut scratch.stack);
         }
         _ => {
@@ -210,7 +231,7 @@ struct Met<S: Simd> {
     normal: Lanes3<f32x16<S>>,
     /// The cosine between the normal and the way back to the eye.
     cosine: f32x16<S>,
-    color: [[f32; RAYS]; 3],
+    color: Lanes3<f32x16<S>>,
 }
 
 /// Looks up what the rays of the block stored at `at` met; none if they met nothing.
@@ -224,26 +245,21 @@ fn look_up<S: Simd>(simd: S, pass: &Pass, at: usize, tile: &Tile) -> Option<Met<
         return None;
     }
 
-    // Neighboring rays often meet the same particle.
-    let mut center = [[0.0; RAYS]; 3];
-    let mut radius = [0.0; RAYS];
-    let mut color = [[0.0; RAYS]; 3];
-    let mut last = None;
-    let mut sphere = (Vec3::ZERO, 0.0);
-    let mut paint = [0.0; 3];
-    for lane in 0..RAYS {
-        if bits >> lane & 1 == 0 {
-            continue;
-        }
-        let node = tile.node[at][lane];
-        if last != Some(node) {
-            sphere = scene.structure().sphere(node);
-            paint = scene.color(node);
-            last = Some(node);
-        }
-        (center[0][lane], center[1][lane], center[2][lane]) = sphere.0.into();
-        radius[lane] = sphere.1;
-        (color[0][lane], color[1][lane], color[2][lane]) = paint.into();
+    // Neighboring rays often meet the same particle: it is looked up once for all of them.
+    let zero = f32x16::splat(simd, 0.0);
+    let mut center = Lanes3 { x: zero, y: zero, z: zero };
+    let mut radius = zero;
+    let mut color = Lanes3 { x: zero, y: zero, z: zero };
+    let nodes = u32x16::load_array_ref(simd, &tile.node[at]);
+    let mut left = bits;
+    while left != 0 {
+        let node = tile.node[at][left.trailing_zeros() as usize];
+        let same = nodes.simd_eq(u32x16::splat(simd, node));
+        left &= !same.to_bitmask();
+        let sphere = scene.structure().sphere(node);
+        center = Lanes3::splat(simd, sphere.0).where_else(same, center);
+        radius = same.select(f32x16::splat(simd, sphere.1), radius);
+        color = Lanes3::splat(simd, Vec3::from_array(scene.color(node))).where_else(same, color);
     }
 
     let varying = Lanes3::load(simd, &tile.varying[at]);
@@ -252,18 +268,13 @@ fn look_up<S: Simd>(simd: S, pass: &Pass, at: usize, tile: &Tile) -> Option<Met<
     } else {
         (varying, Lanes3::splat(simd, pass.view.forward))
     };
-    let center = Lanes3::load(simd, &center);
     let outward = origin.plus(direction.times(depth)).minus(center);
     // A sphere so small that rounding leaves no direction faces the eye.
     let length_sq = outward.dot(outward);
     let is_clear = length_sq.simd_gt(f32x16::splat(simd, f32::MIN_POSITIVE));
     let normal = outward.times(f32x16::splat(simd, 1.0) / length_sq.sqrt());
-    let normal = Lanes3 {
-        x: is_clear.select(normal.x, -direction.x),
-        y: is_clear.select(normal.y, -direction.y),
-        z: is_clear.select(normal.z, -direction.z),
-    };
-    let position = center.plus(normal.times(f32x16::load_array(simd, radius)));
+    let normal = normal.where_else(is_clear, Lanes3 { x: -direction.x, y: -direction.y, z: -direction.z });
+    let position = center.plus(normal.times(radius));
     Some(Met { hits, position, normal, cosine: -normal.dot(direction), color })
 }
 
@@ -277,8 +288,8 @@ fn draw<S: Simd>(simd: S, pass: &Pass, met: &Met<S>, first: usize, film_tile: &m
     };
     let brightness = met.hits.select(brightness, zero);
     let mut lights = [zero; 4];
-    for (light, color) in lights.iter_mut().zip(&met.color) {
-        *light = f32x16::load_array_ref(simd, color) * brightness;
+    for (light, color) in lights.iter_mut().zip([met.color.x, met.color.y, met.color.z]) {
+        *light = color * brightness;
     }
     lights[3] = met.hits.select(f32x16::splat(simd, 1.0), zero);
     for (channel, light) in lights.into_iter().enumerate() {
@@ -298,7 +309,7 @@ fn draw<S: Simd>(simd: S, pass: &Pass, met: &Met<S>, first: usize, film_tile: &m
 
 /// Keeps what a block's rays met until its light can be asked for with that of others.
 fn keep<S: Simd>(pass: &Pass, met: &Met<S>, node: &[u32; RAYS], first: usize, surfaces: &mut [Surfaces]) {
-    let (position, normal) = (met.position.to_arrays(), met.normal.to_arrays());
+    let (position, normal, color) = (met.position.to_arrays(), met.normal.to_arrays(), met.color.to_arrays());
     let bits = met.hits.to_bitmask();
     for lane in 0..RAYS {
         if bits >> lane & 1 == 0 {
@@ -310,7 +321,7 @@ fn keep<S: Simd>(pass: &Pass, met: &Met<S>, node: &[u32; RAYS], first: usize, su
         for axis in 0..3 {
             surfaces.position[axis][place] = position[axis][lane];
             surfaces.normal[axis][place] = normal[axis][lane];
-            surfaces.color[place][axis] = met.color[axis][lane];
+            surfaces.color[place][axis] = color[axis][lane];
         }
         surfaces.node[place] = node[lane];
         surfaces.pixel[place] = (first + pass.pixel[lane]) as u16;

@@ -15,7 +15,7 @@ use crate::scene::light::Lighting;
 use crate::simd::Lanes3;
 
 /// Pixels along the edge of the pattern in which samples repeat.
-const PATTERN: usize = 8;
+pub(super) const PATTERN: usize = 8;
 
 /// Which samples of a picture a pass adds.
 #[derive(Clone, Copy)]
@@ -34,6 +34,8 @@ pub(crate) struct Pass<'a> {
     pub(super) scene: &'a Scene,
     pub(super) view: View,
     pub(super) samples: usize,
+    /// Whether samples lie in the middle of their pixel.
+    pub(super) centered: bool,
     /// Pixels along the edge of a block of sixteen rays.
     pub(super) block_px: usize,
     /// Where the rays pass through the picture, in pixels from the tile's corner, by the block's place in the tile.
@@ -42,15 +44,22 @@ pub(crate) struct Pass<'a> {
     /// By lane of a block: which sample it is, and how far its pixel lies in a film tile behind the block's first.
     pub(super) sample: [usize; RAYS],
     pub(super) pixel: [usize; RAYS],
-    /// By the block's place: for each of its pixels the lane nearest the pixel's center, and its squared distance from it.
-    pub(super) nearest: Vec<Vec<(usize, f32)>>,
+    /// Whether the film has no samples yet.
+    pub(super) is_first: bool,
+    /// By the block's place: the lanes that are nearer the centers of their pixels than all samples before.
+    pub(super) nearest: Vec<Vec<usize>>,
     /// Light directions by sample, the same for all pixels.
     pub(super) lights: Vec<LightSample>,
 }
 
 impl<'a> Pass<'a> {
-    /// A pass over `scene` seen by `view`.
-    pub(crate) fn new(scene: &'a Scene, view: View, added: Samples) -> Self {
+    /// A pass over `scene` seen by `view`. `nearest_sq` tells and learns how near samples came to the centers of their pixels.
+    pub(super) fn new(
+        scene: &'a Scene,
+        view: View,
+        added: Samples,
+        nearest_sq: &mut [f32; PATTERN * PATTERN],
+    ) -> Self {
         let samples = added.count as usize;
         let block_px = match samples {
             1 => 4,
@@ -58,24 +67,28 @@ impl<'a> Pass<'a> {
             _ => 1,
         };
         let (mut x, mut y) = (vec![[0.0; RAYS]; BLOCKS], vec![[0.0; RAYS]; BLOCKS]);
-        let mut nearest = vec![vec![(0, f32::INFINITY); block_px * block_px]; BLOCKS];
+        let before_sq = *nearest_sq;
+        let mut nearest = vec![Vec::new(); BLOCKS];
         for block in 0..BLOCKS {
+            let mut nearest_lanes = [None; RAYS];
             for lane in 0..RAYS {
                 let (pixel, sample) = (lane / samples, lane % samples);
                 let column = block % EDGE * block_px + pixel % block_px;
                 let row = block / EDGE * block_px + pixel / block_px;
-                let stream = 1 + row % PATTERN * PATTERN + column % PATTERN;
+                let place = row % PATTERN * PATTERN + column % PATTERN;
                 let offset = if added.centered {
                     [0.5; 2]
                 } else {
-                    point(added.seed, Dimension::Pixel, stream as u32, added.first + sample as u32)
+                    point(added.seed, Dimension::Pixel, 1 + place as u32, added.first + sample as u32)
                 };
                 (x[block][lane], y[block][lane]) = (column as f32 + offset[0], row as f32 + offset[1]);
                 let center_sq = (offset[0] - 0.5).powi(2) + (offset[1] - 0.5).powi(2);
-                if center_sq < nearest[block][pixel].1 {
-                    nearest[block][pixel] = (lane, center_sq);
+                if center_sq < before_sq[place] && nearest_lanes[pixel].is_none_or(|(_, sq)| center_sq < sq) {
+                    nearest_lanes[pixel] = Some((lane, center_sq));
                 }
+                nearest_sq[place] = nearest_sq[place].min(center_sq);
             }
+            nearest[block] = nearest_lanes.into_iter().flatten().map(|(lane, _)| lane).collect();
         }
         let sample = std::array::from_fn(|lane| lane % samples);
         let pixel = std::array::from_fn(|lane| {
@@ -88,7 +101,20 @@ impl<'a> Pass<'a> {
                 .collect(),
             _ => Vec::new(),
         };
-        Self { scene, view, samples, block_px, x, y, sample, pixel, nearest, lights }
+        Self {
+            is_first: added.first == 0,
+            scene,
+            view,
+            samples,
+            centered: added.centered,
+            block_px,
+            x,
+            y,
+            sample,
+            pixel,
+            nearest,
+            lights,
+        }
     }
 
     /// Pixels along the edge of a tile.

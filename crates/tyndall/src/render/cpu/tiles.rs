@@ -10,6 +10,7 @@ use fearless_simd::{f32x16, mask32x16, prelude::*, u32x16};
 use fearless_simd_macros::simd;
 use glam::Vec3;
 
+use super::Pass;
 use crate::math::{HIT_ROUNDING, Ray};
 use crate::scene::camera::View;
 use crate::simd::{Ball, Lanes3, Reach, enter_sphere, grown};
@@ -77,36 +78,34 @@ impl Tile {
     }
 
     /// Tests the particle at `node` against the sixteen rays of `block` and keeps what is nearer; equally near, the smaller id.
+    /// Without a branch on what it finds, so that tests overlap.
     #[simd]
-    fn test<S: Simd>(&mut self, simd: S, bvh: &Bvh, view: &View, block: usize, node: u32) -> bool {
-        let (center, radius) = bvh.sphere(node);
+    fn test<S: Simd>(&mut self, simd: S, bvh: &Bvh, view: &View, block: usize, sphere: &Sphere) {
         let varying = Lanes3::load(simd, &self.varying[block]);
         let (to_center, direction) = if view.perspective {
-            (Lanes3::splat(simd, center - view.eye), varying)
+            (Lanes3::splat(simd, sphere.center - view.eye), varying)
         } else {
-            (Lanes3::splat(simd, center).minus(varying), Lanes3::splat(simd, view.forward))
+            (Lanes3::splat(simd, sphere.center).minus(varying), Lanes3::splat(simd, view.forward))
         };
-        let (t, meets) = enter_sphere(simd, to_center, direction, f32x16::splat(simd, radius * radius));
+        let radius_sq = f32x16::splat(simd, sphere.radius * sphere.radius);
+        let (t, meets) = enter_sphere(simd, to_center, direction, radius_sq);
         let depth = f32x16::load_array_ref(simd, &self.depth[block]);
-        let enters = meets & f32x16::splat(simd, 0.0).simd_lt(t) & t.simd_le(depth);
-        if enters.to_bitmask() == 0 {
-            return false;
-        }
+        let enters = meets & f32x16::splat(simd, 0.0).simd_lt(t);
         let mut wins = enters & t.simd_lt(depth);
-        let ties = (enters & !wins).to_bitmask();
+        let ties = (enters & t.simd_eq(depth)).to_bitmask();
         if ties != 0 {
             // Equally near: rare, but for particles at one place.
             let id = |node: u32| bvh.ids()[node as usize];
-            let smaller = |lane: &usize| ties >> lane & 1 == 1 && id(node) < id(self.node[block][*lane]);
+            let smaller =
+                |lane: &usize| ties >> lane & 1 == 1 && id(sphere.node) < id(self.node[block][*lane]);
             let won = (0..RAYS).filter(smaller).fold(0, |mask, lane| mask | 1 << lane);
             wins |= mask32x16::from_bitmask(simd, won);
         }
         let depth = wins.select(t, depth);
         depth.store_array(&mut self.depth[block]);
         let old = u32x16::load_array_ref(simd, &self.node[block]);
-        wins.select(u32x16::splat(simd, node), old).store_array(&mut self.node[block]);
+        wins.select(u32x16::splat(simd, sphere.node), old).store_array(&mut self.node[block]);
         self.block_depth[block] = depth.reduce_max();
-        true
     }
 
     #[simd]
@@ -116,6 +115,13 @@ impl Tile {
             self.quad_depth[quad] = f32x16::from_slice(simd, blocks).reduce_max();
         }
     }
+}
+
+/// A particle that is tested.
+struct Sphere {
+    center: Vec3,
+    radius: f32,
+    node: u32,
 }
 
 /// A tile's part of space: axes on which boxes are projected, in units of blocks from the tile's middle.
@@ -132,11 +138,16 @@ pub(super) struct Beam {
     perspective: bool,
     /// Largest distance from the eye at which a ray starts, in each coordinate.
     spread: f32,
+    /// Pixels along the edge of a block, if rays go through the centers of pixels only.
+    centers: Option<f32>,
 }
 
 impl Beam {
-    /// The beam of the tile whose upper left corner is pixel (x, y), with blocks of `block_px` pixels along an edge.
-    pub(super) fn new(view: &View, x: f32, y: f32, block_px: f32) -> Self {
+    /// The beam of the pass' tile whose upper left corner is pixel (x, y).
+    pub(super) fn new(pass: &Pass, x: f32, y: f32) -> Self {
+        let view = &pass.view;
+        let block_px = pass.block_px as f32;
+        let centers = pass.centered.then_some(block_px);
         let scale = 1.0 / (view.pixel * block_px);
         let half = 0.5 * EDGE as f32 * block_px;
         let middle_u = view.left + (x + half) * view.pixel;
@@ -155,6 +166,7 @@ impl Beam {
                 forward: view.forward,
                 perspective: true,
                 spread: 0.0,
+                centers,
             }
         } else {
             let across = [right, down];
@@ -166,6 +178,7 @@ impl Beam {
                 forward: view.forward,
                 perspective: false,
                 spread: reach,
+                centers,
             }
         }
     }
@@ -235,6 +248,42 @@ impl<V> Shadow<V> {
     }
 }
 
+impl<S: Simd> Shadow<f32x16<S>> {
+    /// The blocks that each lane covers: the first and the last across, the first and the last down, three bits each.
+    #[inline(always)]
+    fn ranges(&self, simd: S) -> [u32; LEAF] {
+        let zero = f32x16::splat(simd, 0.0);
+        let last = f32x16::splat(simd, (EDGE - 1) as f32);
+        let half = 0.5 * EDGE as f32;
+        let mut code = zero;
+        for (place, edge) in [self.low[0], self.high[0], self.low[1], self.high[1]].into_iter().enumerate() {
+            let block = (edge + half).max(zero).min(last).floor();
+            code = block.mul_add(f32x16::splat(simd, (1 << (3 * place)) as f32), code);
+        }
+        // A sum of this size has its whole number in the lowest bits.
+        let bits = (code + f32x16::splat(simd, (1 << 23) as f32)).to_array();
+        let mut ranges = [0; LEAF];
+        for (range, bits) in ranges.iter_mut().zip(bits) {
+            *range = bits.to_bits();
+        }
+        const { assert!(EDGE == 8) };
+        ranges
+    }
+
+    /// Which lanes hold the center of a pixel, of which there are `block_px` along the edge of a block.
+    #[inline(always)]
+    fn holds_centers(&self, simd: S, block_px: f32) -> u32 {
+        let px = f32x16::splat(simd, block_px);
+        // Pixel centers lie at whole numbers and a half, counted from the tile's middle, which is a corner of pixels.
+        let half = f32x16::splat(simd, -0.5);
+        let first = |low: f32x16<S>| low.mul_add(px, half).ceil();
+        let last = |high: f32x16<S>| high.mul_add(px, half).floor();
+        let across = first(self.low[0]).simd_le(last(self.high[0]));
+        let down = first(self.low[1]).simd_le(last(self.high[1]));
+        (across & down).to_bitmask() as u32
+    }
+}
+
 /// A subtree that is still to be walked.
 #[derive(Clone, Copy)]
 pub(super) struct Entry {
@@ -301,37 +350,39 @@ fn push_children<S: Simd>(
 fn draw_leaf<S: Simd>(simd: S, bvh: &Bvh, leaf: usize, view: &View, beam: &Beam, tile: &mut Tile) {
     // Project the sixteen particles at once.
     let radius = bvh.radii(simd, leaf);
-    let center = bvh.centers(simd, leaf).minus(Lanes3::splat(simd, beam.eye));
+    let centers = bvh.centers(simd, leaf);
+    let center = centers.minus(Lanes3::splat(simd, beam.eye));
     let shadow = project(simd, beam, center, Ball(grown(simd, radius, center, beam.spread)));
     let quads = shadow.open_quads(simd, tile);
     let mut kept = quads[0] | quads[1] | quads[2] | quads[3];
+    if let Some(block_px) = beam.centers {
+        kept &= shadow.holds_centers(simd, block_px);
+    }
     if kept == 0 {
         return;
     }
     let near = shadow.near.to_array();
-    // Ranges of blocks; casting a float to an integer saturates.
-    let half = 0.5 * EDGE as f32;
-    let low = [(shadow.low[0] + half).to_array(), (shadow.low[1] + half).to_array()];
-    let high = [(shadow.high[0] + half).to_array(), (shadow.high[1] + half).to_array()];
-    let mut changed = false;
+    let ranges = shadow.ranges(simd);
+    let (centers, radii) = (centers.to_arrays(), radius.to_array());
     while kept != 0 {
         let lane = kept.trailing_zeros() as usize;
         kept &= kept - 1;
-        let block = |at: f32| (at.max(0.0) as usize).min(EDGE - 1);
-        let (x_low, y_low) = (block(low[0][lane]), block(low[1][lane]));
-        let (x_high, y_high) = (block(high[0][lane]), block(high[1][lane]));
-        let node = (leaf * LEAF + lane) as u32;
+        let range = |place: u32| (ranges[lane] >> (3 * place)) as usize % EDGE;
+        let (x_low, x_high, y_low, y_high) = (range(0), range(1), range(2), range(3));
+        let sphere = Sphere {
+            center: Vec3::new(centers[0][lane], centers[1][lane], centers[2][lane]),
+            radius: radii[lane],
+            node: (leaf * LEAF + lane) as u32,
+        };
         for y in y_low..=y_high {
             for x in x_low..=x_high {
                 let block = block_at(x, y);
                 if near[lane] <= tile.block_depth[block] {
-                    changed |= tile.test(simd, bvh, view, block, node);
+                    tile.test(simd, bvh, view, block, &sphere);
                 }
             }
         }
     }
-    if changed {
-        tile.update_quads(simd);
-    }
+    tile.update_quads(simd);
     const { assert!(LEAF == RAYS) };
 }

@@ -3,12 +3,12 @@
 //! A packed block holds whole numbers of steps from its corner. The step is a power of two, so that center = corner + number * step
 //! is rounded once. What the block gives back is what is rendered: boxes, walks and shading all decode the same centers.
 
-use fearless_simd::{f32x16, prelude::*};
+use fearless_simd::{f32x16, prelude::*, u32x16};
 use glam::Vec3;
 
 use super::LEAF;
 use crate::math::Bounds;
-use crate::simd::Lanes3;
+use crate::simd::{Lanes3, floats_of_bytes, floats_of_words};
 
 /// How a block holds the centers of its particles.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -106,16 +106,15 @@ impl Frame {
 
     /// Coordinates along one axis; NaN at the places that are left over.
     #[inline(always)]
-    fn coordinates<S: Simd>(&self, simd: S, axis: usize, steps: impl Fn(usize) -> u32) -> f32x16<S> {
-        let mut coordinates = [0.0; LEAF];
-        let step = power_of_two(self.exponent[axis]);
-        for (place, coordinate) in coordinates.iter_mut().enumerate() {
-            *coordinate = self.corner[axis] + steps(place) as i32 as f32 * step;
-        }
+    fn coordinates<S: Simd>(&self, simd: S, axis: usize, steps: f32x16<S>) -> f32x16<S> {
+        let step = f32x16::splat(simd, power_of_two(self.exponent[axis]));
+        let coordinates = steps * step + f32x16::splat(simd, self.corner[axis]);
         if (self.count as usize) < LEAF {
+            let mut coordinates = coordinates.to_array();
             coordinates[self.count as usize..].fill(f32::NAN);
+            return f32x16::load_array(simd, coordinates);
         }
-        f32x16::load_array(simd, coordinates)
+        coordinates
     }
 }
 
@@ -127,7 +126,7 @@ pub(crate) struct Columns<T> {
 }
 
 macro_rules! columns_block {
-    ($number:ty) => {
+    ($number:ty, $floats:ident) => {
         impl Block for Columns<$number> {
             fn encode(centers: &[Vec3]) -> Self {
                 let most = <$number>::MAX as f32;
@@ -152,17 +151,17 @@ macro_rules! columns_block {
             fn centers<S: Simd>(&self, simd: S) -> Lanes3<f32x16<S>> {
                 let [x, y, z] = &self.steps;
                 Lanes3 {
-                    x: self.frame.coordinates(simd, 0, |place| u32::from(x[place])),
-                    y: self.frame.coordinates(simd, 1, |place| u32::from(y[place])),
-                    z: self.frame.coordinates(simd, 2, |place| u32::from(z[place])),
+                    x: self.frame.coordinates(simd, 0, $floats(simd, x)),
+                    y: self.frame.coordinates(simd, 1, $floats(simd, y)),
+                    z: self.frame.coordinates(simd, 2, $floats(simd, z)),
                 }
             }
         }
     };
 }
 
-columns_block!(u16);
-columns_block!(u8);
+columns_block!(u16, floats_of_words);
+columns_block!(u8, floats_of_bytes);
 
 /// A frame and one word a particle: 11 bits of x, 11 of y, 10 of z.
 #[derive(Clone, Copy)]
@@ -179,6 +178,13 @@ const WORD: [(u32, u32); 3] = [(0, 11), (11, 11), (22, 10)];
 fn of_word(word: u32, axis: usize) -> u32 {
     let (first, bits) = WORD[axis];
     word >> first & ((1 << bits) - 1)
+}
+
+/// [`of_word`] on lanes.
+#[inline(always)]
+fn steps_of_words<S: Simd>(simd: S, words: u32x16<S>, axis: usize) -> f32x16<S> {
+    let (first, bits) = WORD[axis];
+    f32x16::float_from((words >> first) & u32x16::splat(simd, (1 << bits) - 1))
 }
 
 impl Block for Words {
@@ -202,10 +208,11 @@ impl Block for Words {
 
     #[inline(always)]
     fn centers<S: Simd>(&self, simd: S) -> Lanes3<f32x16<S>> {
+        let words = u32x16::load_array_ref(simd, &self.words);
         Lanes3 {
-            x: self.frame.coordinates(simd, 0, |place| of_word(self.words[place], 0)),
-            y: self.frame.coordinates(simd, 1, |place| of_word(self.words[place], 1)),
-            z: self.frame.coordinates(simd, 2, |place| of_word(self.words[place], 2)),
+            x: self.frame.coordinates(simd, 0, steps_of_words(simd, words, 0)),
+            y: self.frame.coordinates(simd, 1, steps_of_words(simd, words, 1)),
+            z: self.frame.coordinates(simd, 2, steps_of_words(simd, words, 2)),
         }
     }
 }

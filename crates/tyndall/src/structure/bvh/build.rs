@@ -12,6 +12,7 @@ use crate::error::{Error, Result};
 use crate::math::Bounds;
 use crate::progress::Progress;
 use crate::structure::build::{Record, cut, widest};
+use crate::structure::pages;
 
 /// Below this many particles a subtree is sorted by one thread.
 const PARALLEL_COUNT: usize = 1 << 14;
@@ -128,5 +129,5 @@ fn encode<B: Block, const N: usize>(records: &[Record<N>]) -> Vec<B> {
         }
         B::encode(&centers[..records.len()])
     };
-    records.par_chunks(LEAF).with_min_len(1 << 10).map(block).collect()
+    pages::collect(records.par_chunks(LEAF).with_min_len(1 << 10).map(block))
 }

@@ -15,8 +15,8 @@ use fearless_simd::{f32x8, f32x16, prelude::*};
 use glam::Vec3;
 
 use super::box_slack;
-use crate::math::{Bounds, HIT_ROUNDING};
-use crate::simd::Lanes3;
+use crate::math::{Bounds, HIT_ROUNDING, Ray};
+use crate::simd::{Lanes3, floats_of_bytes};
 pub use block::Packing;
 use block::{Blocks, power_of_two, step_exponent};
 use sizes::Sizes;
@@ -40,8 +40,8 @@ pub(crate) struct Node {
     /// Child box = `corner + step * (lower..upper)`, by axis; the step is a power of two, of which this is the biased exponent.
     corner: [f32; 3],
     exponent: [u8; 3],
-    lower: [[u8; WIDTH]; 3],
-    upper: [[u8; WIDTH]; 3],
+    /// The lower steps of all children, then the upper ones.
+    steps: [[u8; 2 * WIDTH]; 3],
 }
 
 impl Node {
@@ -56,9 +56,9 @@ impl Node {
             let step = power_of_two(exponent);
             (node.corner[axis], node.exponent[axis]) = (corner, exponent);
             for (child, bounds) in boxes.iter().enumerate() {
-                node.lower[axis][child] =
-                    ((bounds.min[axis] - corner) / step).floor().clamp(0.0, 255.0) as u8;
-                node.upper[axis][child] = ((bounds.max[axis] - corner) / step).ceil().clamp(0.0, 255.0) as u8;
+                let steps = |at: f32| (at - corner) / step;
+                node.steps[axis][child] = steps(bounds.min[axis]).floor().clamp(0.0, 255.0) as u8;
+                node.steps[axis][WIDTH + child] = steps(bounds.max[axis]).ceil().clamp(0.0, 255.0) as u8;
             }
         }
         node
@@ -80,19 +80,46 @@ impl Node {
 
     #[inline(always)]
     fn decode_axis<S: Simd>(&self, simd: S, axis: usize, eye: f32, margin: f32) -> (f32x8<S>, f32x8<S>) {
-        let mut sum = [0.0; WIDTH];
-        let mut difference = [0.0; WIDTH];
-        for child in 0..WIDTH {
-            let (lower, upper) = (self.lower[axis][child] as i32, self.upper[axis][child] as i32);
-            sum[child] = (upper + lower) as f32;
-            difference[child] = (upper - lower) as f32;
-        }
+        let (lower, upper) = floats_of_bytes(simd, &self.steps[axis]).split();
         let half_step = f32x8::splat(simd, 0.5 * power_of_two(self.exponent[axis]));
         let to_corner = f32x8::splat(simd, self.corner[axis] - eye);
-        let middle = f32x8::load_array(simd, sum).mul_add(half_step, to_corner);
-        let half = f32x8::load_array(simd, difference) * half_step;
+        let middle = (upper + lower).mul_add(half_step, to_corner);
+        let half = (upper - lower) * half_step;
         let rounding = f32x8::splat(simd, HIT_ROUNDING);
         (middle, (middle.abs() + half).mul_add(rounding, half + f32x8::splat(simd, margin)))
+    }
+
+    /// Where a ray enters and leaves the slabs of the child boxes along one axis, in order; both give way by the rounding of what
+    /// lies there and by `margin`.
+    #[inline(always)]
+    fn cross_axis<S: Simd>(
+        &self,
+        simd: S,
+        axis: usize,
+        origin: f32,
+        inv_direction: f32,
+        margin: f32,
+    ) -> (f32x8<S>, f32x8<S>) {
+        let step = power_of_two(self.exponent[axis]);
+        let to_corner = self.corner[axis] - origin;
+        let give = (HIT_ROUNDING * (to_corner.abs() + 256.0 * step) + margin) * inv_direction.abs();
+        let steps = floats_of_bytes(simd, &self.steps[axis]);
+        let t = steps.mul_add(
+            f32x16::splat(simd, step * inv_direction),
+            f32x16::splat(simd, to_corner * inv_direction),
+        );
+        let (lower, upper) = t.split();
+        let give = f32x8::splat(simd, give);
+        (lower.min(upper) - give, lower.max(upper) + give)
+    }
+
+    /// Where a ray enters and leaves the child boxes, which it meets where the first is not behind the second.
+    #[inline(always)]
+    fn cross<S: Simd>(&self, simd: S, ray: &Ray, inv_direction: Vec3, margin: f32) -> (f32x8<S>, f32x8<S>) {
+        let x = self.cross_axis(simd, 0, ray.origin.x, inv_direction.x, margin);
+        let y = self.cross_axis(simd, 1, ray.origin.y, inv_direction.y, margin);
+        let z = self.cross_axis(simd, 2, ray.origin.z, inv_direction.z, margin);
+        (x.0.max(y.0).max(z.0), x.1.min(y.1).min(z.1))
     }
 }
 
@@ -228,8 +255,8 @@ mod tests {
             for axis in 0..3 {
                 let decode =
                     |steps: u8| node.corner[axis] + power_of_two(node.exponent[axis]) * f32::from(steps);
-                assert!(decode(node.lower[axis][child]) <= inside.min[axis] + bvh.slack);
-                assert!(decode(node.upper[axis][child]) >= inside.max[axis] - bvh.slack);
+                assert!(decode(node.steps[axis][child]) <= inside.min[axis] + bvh.slack);
+                assert!(decode(node.steps[axis][WIDTH + child]) >= inside.max[axis] - bvh.slack);
             }
             all = all.union(inside);
         }

@@ -48,38 +48,33 @@ fn walk<S: Simd>(simd: S, bvh: &Bvh, ray: &Ray, except: Option<u32>, mut wanted:
         }
         if place.level == 0 {
             let leaf = place.index as usize;
-            let t = enter_leaf(simd, bvh, leaf, ray, except);
-            for (lane, &t) in t.iter().enumerate().filter(|&(_, &t)| t < ray.t_max) {
-                match &mut wanted {
-                    Wanted::Nearest(best) => {
+            let (t, mut met) = enter_leaf(simd, bvh, leaf, ray, t_far);
+            if let Some(except) = except.filter(|&except| except as usize / LEAF == leaf) {
+                met &= !(1 << (except as usize % LEAF));
+            }
+            match &mut wanted {
+                Wanted::Any(found) if met != 0 => {
+                    **found = true;
+                    return;
+                }
+                Wanted::Nearest(best) => {
+                    while met != 0 {
+                        let lane = met.trailing_zeros() as usize;
+                        met &= met - 1;
                         let node = (leaf * LEAF + lane) as u32;
-                        Hit::keep_nearer(best, Hit { t, id: bvh.ids[node as usize], node });
+                        Hit::keep_nearer(best, t[lane], node, &bvh.ids);
                         // Clip the ray to the nearest hit: what is behind it is hidden.
-                        t_far = t_far.min(t);
-                    }
-                    Wanted::Any(found) => {
-                        **found = true;
-                        return;
+                        t_far = t_far.min(t[lane]);
                     }
                 }
+                Wanted::Any(_) => {}
             }
             continue;
         }
         // Meet the eight boxes at once.
-        let (center, half) = bvh.node(place).decode(simd, ray.origin, bvh.slack);
-        let mut enter = f32x8::splat(simd, ray.t_min);
-        let mut leave = f32x8::splat(simd, t_far);
-        let sides = [
-            (center.x, half.x, inv_direction.x),
-            (center.y, half.y, inv_direction.y),
-            (center.z, half.z, inv_direction.z),
-        ];
-        for (center, half, inv_direction) in sides {
-            let inv = f32x8::splat(simd, inv_direction);
-            let (a, b) = ((center - half) * inv, (center + half) * inv);
-            enter = enter.max(a.min(b));
-            leave = leave.min(a.max(b));
-        }
+        let (enter, leave) = bvh.node(place).cross(simd, ray, inv_direction, bvh.slack);
+        let enter = enter.max(f32x8::splat(simd, ray.t_min));
+        let leave = leave.min(f32x8::splat(simd, t_far));
         let mut kept = enter.simd_le(leave).to_bitmask() as u32 & bvh.existing(place);
         let enter = enter.to_array();
         let first = top;
@@ -98,17 +93,13 @@ fn walk<S: Simd>(simd: S, bvh: &Bvh, ray: &Ray, except: Option<u32>, mut wanted:
     }
 }
 
-/// Where the ray enters each of the sixteen particles; `t_max` where it does not. [`crate::math::enter_sphere`] on lanes.
+/// Where the ray enters each of the sixteen particles, and which it enters not behind `t_far`. [`crate::math::enter_sphere`] on lanes.
 #[simd]
-fn enter_leaf<S: Simd>(simd: S, bvh: &Bvh, leaf: usize, ray: &Ray, except: Option<u32>) -> [f32; LEAF] {
+fn enter_leaf<S: Simd>(simd: S, bvh: &Bvh, leaf: usize, ray: &Ray, t_far: f32) -> ([f32; LEAF], u32) {
     let radius = bvh.radii(simd, leaf);
     let to_center = bvh.centers(simd, leaf).minus(Lanes3::splat(simd, ray.origin));
     let (t, meets) = enter_sphere(simd, to_center, Lanes3::splat(simd, ray.direction), radius * radius);
-    let t_max = f32x16::splat(simd, ray.t_max);
-    let enters = meets & f32x16::splat(simd, ray.t_min).simd_lt(t) & t.simd_lt(t_max);
-    let mut t = enters.select(t, t_max).to_array();
-    if let Some(except) = except.filter(|&except| except as usize / LEAF == leaf) {
-        t[except as usize % LEAF] = ray.t_max;
-    }
-    t
+    let (t_min, t_max) = (f32x16::splat(simd, ray.t_min), f32x16::splat(simd, ray.t_max));
+    let met = meets & t_min.simd_lt(t) & t.simd_lt(t_max) & t.simd_le(f32x16::splat(simd, t_far));
+    (t.to_array(), met.to_bitmask() as u32)
 }
