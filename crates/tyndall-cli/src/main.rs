@@ -4,6 +4,8 @@
 
 mod args;
 mod bench;
+#[expect(dead_code, reason = "the bench of the medium will call it")]
+mod bench_density;
 mod dry_run;
 mod help;
 mod info;

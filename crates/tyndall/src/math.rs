@@ -38,6 +38,11 @@ impl Bounds {
         !(self.min.cmple(self.max).all())
     }
 
+    /// Whether `point` is in the box or on its border.
+    pub fn contains(&self, point: Vec3) -> bool {
+        point.cmpge(self.min).all() && point.cmple(self.max).all()
+    }
+
     /// The middle of a box that is not empty.
     pub fn center(&self) -> Vec3 {
         0.5 * self.min + 0.5 * self.max

@@ -1,11 +1,11 @@
 //! A scalar field on a lattice: sparse bricks of 8^3 samples, each with the range of the field inside it.
 //!
-//! Takes samples that are finite and at least 0, gives the trilinear field between them. Sample (i, j, k) sits at
+//! Takes finite samples, gives the trilinear field between them. Sample (i, j, k) sits at
 //! `origin + spacing * (i, j, k)`; the box of the field is the box of the samples grown by half a spacing on each side; inside
 //! it look-ups clamp to the samples at the border, outside it the field is 0.
 //!
 //! Invariant: a brick is stored with an apron of one sample beyond its far sides (9^3 values; at the border of the lattice the
-//! border's samples again), so that the eight corners of a cell lie in one brick. Bricks without any value above 0 share the
+//! border's samples again), so that the eight corners of a cell lie in one brick. Bricks of nothing but 0 share the
 //! first stored one, which is all zero, so that a look-up has no branch for them.
 
 use glam::{UVec3, Vec3};
@@ -154,7 +154,7 @@ impl Grid {
     }
 
     /// A grid of the samples of its bricks without aprons, x fastest; `None` where all are 0. The lattice is checked, the samples
-    /// are finite and at least 0, and 0 beyond the lattice.
+    /// are finite, and 0 beyond the lattice.
     pub(super) fn from_cores(lattice: Lattice, cores: Vec<Option<Box<[f32; CORE_SAMPLES]>>>) -> Self {
         let bricks = lattice.bricks();
         let number = |brick: [u32; 3]| {
@@ -197,8 +197,8 @@ impl Grid {
         for (slot, &place) in kept.iter().enumerate() {
             places[place] = slot as u32 + 1;
             let samples = stored[slot + 1].iter();
-            let (min, max) =
-                samples.fold((f32::INFINITY, 0.0_f32), |(min, max), &it| (min.min(it), max.max(it)));
+            let (min, max) = samples
+                .fold((f32::INFINITY, f32::NEG_INFINITY), |(min, max), &it| (min.min(it), max.max(it)));
             ranges[place] = Range { min, max };
         }
         Self { lattice, inv_spacing: 1.0 / lattice.spacing, bricks, places, stored, ranges }
@@ -360,6 +360,13 @@ impl Grid {
         };
         let full = (0..self.places.len()).filter(|&number| self.places[number] > 0);
         full.map(own).sum::<f64>() * f64::from(self.lattice.spacing).powi(3)
+    }
+
+    /// The most memory that making a grid with so many bricks takes, of which `stored` have density: those are held twice.
+    pub(super) fn bytes_to_make(bricks: u64, stored: u64) -> u64 {
+        let brick = 2 * size_of::<usize>() + size_of::<Vec<u8>>() + size_of::<u32>() + size_of::<Range>();
+        let samples = size_of::<[f32; STORED]>() + size_of::<[f32; CORE_SAMPLES]>() + size_of::<usize>();
+        bricks * brick as u64 + (stored + 1) * samples as u64
     }
 
     /// Memory it takes, in bytes.

@@ -3,14 +3,18 @@
 //! [`Medium`] takes a [`Grid`] of density and how matter of density 1 meets light; extinction and albedo are RGB. Its box and
 //! all positions are measured from the particles' origin. Invariant: albedo within 0 and 1, extinction finite and at least 0.
 
+mod cells;
+pub mod density;
 mod environment;
 pub mod grid;
+pub mod kernel;
 pub mod light;
 pub mod optics;
 
 use crate::error::{Error, Result};
 use crate::math::Bounds;
 pub use grid::Grid;
+pub use kernel::Kernel;
 pub use light::Light;
 pub use optics::Phase;
 

@@ -1,0 +1,96 @@
+//! All blocks of a lattice on all threads: sums of blocks become grids.
+//!
+//! Takes something that fills a block, gives one grid a column. Rows of bricks are the unit of work; a block's values depend on
+//! nothing but the block, and rows are joined in order, so that the number of threads changes nothing.
+
+use glam::Vec3;
+use rayon::prelude::*;
+
+use super::gather::Found;
+use super::statistics::Statistics;
+use crate::error::{Error, Result};
+use crate::medium::grid::{BRICK, CORE_SAMPLES, Grid, Lattice};
+use crate::progress::Progress;
+
+/// What gives samples their values, 64 at a time.
+pub(super) trait Blocks: Sync {
+    /// Fills `found.sums` with the values of the block around `middle`, one for each column, and says how many particles its
+    /// samples have. `false`: all are 0.
+    fn fill(&self, middle: Vec3, found: &mut Found) -> bool;
+    /// How many values a sample has.
+    fn columns(&self) -> usize;
+    /// N*, for the statistics.
+    fn target(&self) -> u32;
+}
+
+/// The samples of a brick; `None` where all are 0.
+type Core = Option<Box<[f32; CORE_SAMPLES]>>;
+
+/// Fills the lattice: a grid for each column, and what the samples used. Fails with [`Error::Interrupted`].
+pub(super) fn fill(
+    blocks: &impl Blocks,
+    lattice: &Lattice,
+    progress: &dyn Progress,
+) -> Result<(Vec<Grid>, Statistics)> {
+    let bricks = lattice.bricks().map(|it| it as usize);
+    let row_count = bricks[1] * bricks[2];
+    progress.begin("density", Some(row_count as u64), "rows");
+    let row = |found: &mut Found, row: usize| {
+        if progress.cancelled() {
+            return Err(Error::Interrupted);
+        }
+        let mut statistics = Statistics::default();
+        let numbers = row * bricks[0]..(row + 1) * bricks[0];
+        let cores: Vec<Vec<Core>> =
+            numbers.map(|number| brick(blocks, lattice, number, (found, &mut statistics))).collect();
+        progress.advance(1);
+        Ok((cores, statistics))
+    };
+    let rows: Vec<(Vec<Vec<Core>>, Statistics)> =
+        (0..row_count).into_par_iter().map_init(Found::default, row).collect::<Result<_>>()?;
+
+    let mut statistics = Statistics::default();
+    let mut cores: Vec<Vec<Core>> =
+        (0..blocks.columns()).map(|_| Vec::with_capacity(lattice.brick_count())).collect();
+    for (row, of_row) in rows {
+        statistics = statistics.with(of_row);
+        for brick in row {
+            cores.iter_mut().zip(brick).for_each(|(column, core)| column.push(core));
+        }
+    }
+    Ok((cores.into_iter().map(|cores| Grid::from_cores(*lattice, cores)).collect(), statistics))
+}
+
+/// The samples of brick `number`, column by column.
+fn brick(
+    blocks: &impl Blocks,
+    lattice: &Lattice,
+    number: usize,
+    (found, statistics): (&mut Found, &mut Statistics),
+) -> Vec<Core> {
+    let first = lattice.brick(number).map(|it| it * BRICK);
+    let mut cores: Vec<Core> = vec![None; blocks.columns()];
+    for block in 0..8_u32 {
+        let corner: [u32; 3] = std::array::from_fn(|axis| 4 * (block >> axis & 1));
+        let begin: [u32; 3] = std::array::from_fn(|axis| first[axis] + corner[axis]);
+        let outside = (0..3).any(|axis| begin[axis] >= lattice.size[axis]);
+        if outside || !blocks.fill(lattice.position(begin) + 1.5 * lattice.spacing, found) {
+            continue;
+        }
+        for sample in 0..64_u32 {
+            let place: [u32; 3] = std::array::from_fn(|axis| corner[axis] + (sample >> (2 * axis) & 3));
+            if (0..3).any(|axis| first[axis] + place[axis] >= lattice.size[axis]) {
+                continue;
+            }
+            let sample = sample as usize;
+            let [whole, used] = [&found.whole, &found.used].map(|it| it.as_flattened()[sample]);
+            statistics.add(whole, used, blocks.target());
+            for (core, sums) in cores.iter_mut().zip(&found.sums) {
+                let core = core.get_or_insert_with(|| Box::new([0.0; CORE_SAMPLES]));
+                core[(place[2] * 64 + place[1] * 8 + place[0]) as usize] = sums.as_flattened()[sample];
+            }
+        }
+    }
+    let filled = |core: Core| core.filter(|core| core.iter().any(|&it| it != 0.0));
+    cores.into_iter().map(filled).collect()
+}
