@@ -121,7 +121,7 @@ fn open(path: &Path, wanted: u64) -> Result<Box<dyn Read + Send>> {
         _ if length == wanted => Box::new(BufReader::new(file)),
         Packing::Plain if is_zlib => Box::new(ZlibDecoder::new(BufReader::new(file))),
         Packing::Plain => return Err(wrong_size(path, wanted, length)),
-        packing => packing.stream(file),
+        packing => Box::new(packing.stream(file)),
     })
 }
 

@@ -3,4 +3,5 @@
 pub mod free_path;
 pub mod photons;
 pub mod reference;
+mod regular;
 mod walk;

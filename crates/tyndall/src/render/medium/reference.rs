@@ -14,7 +14,8 @@
 use glam::Vec3;
 use rayon::prelude::*;
 
-use super::free_path::{Crossing, FreePath, Tracker};
+use super::free_path::{FreePath, Tracker};
+use super::regular::Crossing;
 use crate::error::{Error, Result};
 use crate::math::Ray;
 use crate::medium::light::Environment;
