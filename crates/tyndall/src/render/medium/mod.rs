@@ -14,6 +14,7 @@ mod harmonics;
 pub mod march;
 pub mod photons;
 pub mod reference;
+mod regular;
 pub mod show;
 mod sweep;
 #[cfg(test)]

@@ -1,10 +1,10 @@
 //! The reference: a path tracer for media without bias, by which every approximation is judged.
 //!
 //! Takes a medium, its lights and a view; adds samples to every pixel in passes. Along the camera's ray the column is integrated
-//! exactly, so that what comes through has no noise, and a first scattering is drawn from the part that does not come through.
+//! exactly, so that what comes through has no noise, and first scatterings are drawn from the part that does not come through.
 //! From there null collisions find the next scattering; at each one, the lights without extent are looked at through an
 //! estimated transmittance, and an image of the sky both by its own and by the phase function's directions. There is no limit of
-//! orders: paths end by Russian roulette. Invariant: the expected value of every pixel is its radiance, whatever the settings;
+//! orders: paths end by Russian roulette. Invariant: with a right free path and all orders the expected value of every pixel is its radiance;
 //! the same seed gives the same bits for any number of threads.
 //!
 //! Sources: J. Novak, I. Georgiev, J. Hanika, W. Jarosz, "Monte Carlo methods for volumetric light transport simulation",
@@ -14,7 +14,8 @@
 use glam::Vec3;
 use rayon::prelude::*;
 
-use super::free_path::{Crossing, FreePath, Tracker};
+use super::free_path::{FreePath, Tracker};
+use super::regular::Crossing;
 use crate::error::{Error, Result};
 use crate::math::Ray;
 use crate::medium::light::Environment;
@@ -69,6 +70,10 @@ struct Lights<'a> {
     /// By both.
     images: Vec<(&'a Light, &'a Environment)>,
 }
+
+/// Paths of one camera ray. To integrate along the ray takes about as long as a path, so that two halve the variance for half as
+/// much time again (Mitsuba's scene: variance times seconds 0.0033, 0.0025, 0.0023 with 1, 2 and 4).
+const PATHS: u32 = 2;
 
 /// Paths whose throughput falls below this are ended with a chance: see [`Reference::path`].
 const ROULETTE: f32 = 0.25;
@@ -130,7 +135,6 @@ impl<'a> Reference<'a> {
     fn sample(&self, [column, row]: [u32; 2], sample: u32, crossing: &mut Crossing) -> Pixel {
         let seed = self.settings.seed;
         let number = row * self.settings.width + column;
-        let at = |dimension| shuffled_point(seed, dimension, number, sample);
         let [x, y] = point(seed, Dimension::Pixel, number, sample);
         let ray = self.view.ray(column as f32 + x, row as f32 + y);
 
@@ -138,13 +142,18 @@ impl<'a> Reference<'a> {
         self.tracker.cross(&ray, crossing);
         let transmittance = self.tracker.through(crossing.column);
         let mut pixel = Pixel { scattered: Vec3::ZERO, environment: transmittance * behind, transmittance };
-        if transmittance != Vec3::ONE && self.settings.orders != Some(0) {
+        if transmittance == Vec3::ONE || self.settings.orders == Some(0) {
+            return pixel;
+        }
+        for path in sample * PATHS..(sample + 1) * PATHS {
+            let at = |dimension| shuffled_point(seed, dimension, number, path);
             let (distance, weight) = self.tracker.forced(crossing, at(Dimension::Key));
-            let mut stream = Stream::new(u64::from(seed), u64::from(number) << 32 | u64::from(sample));
+            let mut stream = Stream::new(u64::from(seed), u64::from(number) << 32 | u64::from(path));
             let start = Ray { origin: ray.origin + distance * ray.direction, ..ray };
             // The roulette must not end a path because little of the medium is in the way.
             let scale = weight.max_element();
-            pixel.scattered = scale * self.path(start, weight / scale, at(Dimension::Sky), &mut stream);
+            let radiance = self.path(start, weight / scale, at(Dimension::Sky), &mut stream);
+            pixel.scattered += scale / PATHS as f32 * radiance;
         }
         pixel
     }

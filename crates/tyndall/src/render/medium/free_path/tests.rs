@@ -4,6 +4,7 @@
 
 use super::*;
 use crate::medium::{Grid, Optics, Phase};
+use crate::render::medium::regular::Crossing;
 
 fn medium(grid: Grid, extinction: [f32; 3]) -> Medium {
     Medium::new(grid, Optics { extinction, albedo: [0.9; 3], phase: Phase::ISOTROPIC }).unwrap()
