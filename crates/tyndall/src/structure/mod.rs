@@ -232,8 +232,8 @@ impl Structure {
     }
 }
 
-/// Particles whose records are held at once while a source is read: 4 GiB.
-const AT_ONCE: u64 = 1 << 28;
+/// Particles whose records are held at once while a source is read: 2 GiB.
+pub(crate) const AT_ONCE: u64 = 1 << 27;
 
 /// Builds the structure of that kind; `radius` is that of all where the records have none.
 fn arrange<const N: usize>(
