@@ -188,13 +188,14 @@ impl<'a> Lit<'a> {
     fn cache_row(&self, set: &Set, cache: &(u32, f32, [f64; 2], [f64; 2])) -> Outcome<String> {
         let &(samples, radius, single_then, multiple_then) = cache;
         let extent = self.medium.density().bounds().extent();
-        let spacing = Some(extent.max_element() / samples as f32);
+        let edge = extent.max_element() / samples as f32;
+        let spacing = Some(edge);
         let (single, _) = self.lit(spacing, Multiple::None)?;
         let (tracing, stored) = self.photons()?;
         let by_photons = Multiple::Photons(photon_settings(), Radius::Fixed(radius));
         let (with_photons, _) = self.lit(spacing, by_photons)?;
         let (with_sweeps, _) = self.lit(spacing, Multiple::Sweeps)?;
-        let size = (extent / spacing.unwrap_or(1.0)).to_array().map(|it| it.round() as u32);
+        let size = (extent / edge).to_array().map(|it| it.round() as u32);
         let [x, y, z] = size;
         let multiple = (with_photons - single - tracing).max(0.0);
         let sweeps = (with_sweeps - single).max(0.0);

@@ -131,7 +131,8 @@ impl<'a> Job<'a> {
     /// The frame as parts, if it has to be read in parts and can be.
     fn parts(&self, sequence: &Sequence, number: usize) -> Option<Parts> {
         // What is wrong with the file is said when it is read.
-        let parts = sequence.parts(number).ok().flatten().filter(|_| matches!(self.structure, Kind::Bvh(_)))?;
+        let parts =
+            sequence.parts(number).ok().flatten().filter(|_| matches!(self.structure, Kind::Bvh(_)))?;
         let work = Work::of_count(parts.len(), self.structure, self.settings);
         (!dry_run::fits(work.memory_bytes(), self.args.method.memory)).then_some(parts)
     }
@@ -212,9 +213,7 @@ impl<'a> Job<'a> {
         let start = Instant::now();
         let parts = self.parts(sequence, number);
         let (particles, conventions) = match &parts {
-            Some(parts) => {
-                (parts.sample(self.report.progress())?, vec!["read in parts".to_string()])
-            }
+            Some(parts) => (parts.sample(self.report.progress())?, vec!["read in parts".to_string()]),
             None => {
                 let frame = input::read(sequence, number, &self.args.input, self.report)?;
                 let work = Work::of(&frame.particles, self.structure, self.settings);

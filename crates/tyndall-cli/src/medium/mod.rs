@@ -3,6 +3,7 @@
 //! The road: density (from particles or a grid file), extinction, lights, illumination cache, march, picture. What is not said is
 //! guessed from the first frame and printed; camera, extinction and lights are kept for all frames, so that nothing jumps.
 
+pub(crate) mod args;
 mod picture;
 mod scene_file;
 pub(crate) mod values;
@@ -24,7 +25,8 @@ use tyndall::structure::Spheres;
 use tyndall::{DVec3, Error, Vec3};
 use tyndall_io::write;
 
-use crate::args::{self, CacheName, KernelName, MethodName, SmoothingName};
+use self::args::{CacheName, KernelName, MethodName, SmoothingName};
+use crate::args::{Picture, Render};
 use crate::output::Pattern;
 use crate::report::{Failure, Outcome, Report, counted, seconds};
 use crate::values::Background;
@@ -34,7 +36,7 @@ use scene_file::SceneFile;
 use values::Rgb;
 
 /// The scene file among the inputs, which says what is to be rendered.
-pub(crate) fn scene_of(args: &args::Render) -> Option<&Path> {
+pub(crate) fn scene_of(args: &Render) -> Option<&Path> {
     let is_scene = |file: &&PathBuf| file.extension().is_some_and(|it| it.eq_ignore_ascii_case("toml"));
     args.input.files.iter().find(is_scene).map(PathBuf::as_path)
 }
@@ -56,7 +58,7 @@ pub(crate) fn run_scene(path: &Path, report: &Report) -> Outcome<()> {
 }
 
 /// Renders what the command line asks for.
-pub(crate) fn run(args: &args::Render, report: &Report) -> Outcome<()> {
+pub(crate) fn run(args: &Render, report: &Report) -> Outcome<()> {
     let job = Job { args, report };
     let pattern = job.start()?;
     let sequence = input::open(&args.input, report)?;
@@ -109,7 +111,7 @@ struct Scene {
 /// The command line.
 #[derive(Clone, Copy)]
 struct Job<'a> {
-    args: &'a args::Render,
+    args: &'a Render,
     report: &'a Report,
 }
 
@@ -173,7 +175,7 @@ impl Job<'_> {
     }
 
     fn settings(&self) -> march::Settings {
-        let args::Picture { size, samples, seed, .. } = &self.args.picture;
+        let Picture { size, samples, seed, .. } = &self.args.picture;
         march::Settings {
             width: size.width,
             height: size.height,
@@ -184,7 +186,7 @@ impl Job<'_> {
     }
 
     fn background(&self) -> Background {
-        let args::Picture { background, alpha, .. } = &self.args.picture;
+        let Picture { background, alpha, .. } = &self.args.picture;
         if *alpha { Background::Nothing } else { background.unwrap_or(Background::Color([0.0; 3])) }
     }
 

@@ -15,8 +15,8 @@ use tyndall::render::medium::{Backdrop, picture, show};
 use tyndall::scene::camera::View;
 use tyndall_io::write::{self, ImageOptions};
 
+use super::args::{CacheName, MethodName, Shown};
 use super::{Job, Scene};
-use crate::args::{CacheName, MethodName, Shown};
 use crate::report::{Failure, Outcome, bytes, counted, seconds};
 use crate::values::Background;
 

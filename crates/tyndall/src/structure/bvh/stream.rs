@@ -219,7 +219,11 @@ mod tests {
                 let mut stream = Stream::new(7, k);
                 let t = k as f32 / self.0 as f32;
                 let near = 0.01 * stream.direction() * stream.unit();
-                if k % 1000 == 999 { Vec3::NAN } else { Vec3::new(t, (9.0 * t).sin(), (7.0 * t).cos()) + near }
+                if k % 1000 == 999 {
+                    Vec3::NAN
+                } else {
+                    Vec3::new(t, (9.0 * t).sin(), (7.0 * t).cos()) + near
+                }
             }));
             Ok(())
         }
@@ -238,7 +242,10 @@ mod tests {
                 assert_eq!(bvh.sphere(node as u32), (centers[id as usize], 1e-4));
                 let origin = centers[id as usize] + Vec3::X * 2e-4;
                 let ray = Ray { origin, direction: Vec3::NEG_X, t_min: 0.0, t_max: 1.0 };
-                assert!(bvh.intersect(&ray, None).is_some_and(|hit| hit.t <= 1.1e-4), "{count}: particle {id}");
+                assert!(
+                    bvh.intersect(&ray, None).is_some_and(|hit| hit.t <= 1.1e-4),
+                    "{count}: particle {id}"
+                );
             }
         }
     }

@@ -1,0 +1,141 @@
+//! The part of the command line's definition that is about media.
+
+use clap::{Args, ValueEnum};
+use tyndall::render::medium::free_path::FreePath;
+
+use super::values::{Gather, LightSpec, NoiseAmount, Rgb, positive};
+use crate::values::count;
+
+/// With --mode medium: from particles to density, and light in it.
+#[derive(Args)]
+#[command(next_help_heading = "Medium")]
+pub(crate) struct Medium {
+    /// Who has a smoothing length: uniform, two-pass, three-pass, exact (each grid point) or scatter (each particle)
+    #[arg(long, value_name = "NAME", default_value = "three-pass")]
+    pub(crate) smoothing: SmoothingName,
+    /// Longest smoothing length, the radius of the kernel's support [default: by the particles' distances]
+    #[arg(long, value_name = "LENGTH", value_parser = positive, allow_hyphen_values = true)]
+    pub(crate) h0: Option<f32>,
+    /// Wanted number of particles within a smoothing length (N*)
+    #[arg(long, value_name = "N", default_value_t = 64, value_parser = clap::value_parser!(u32).range(1..))]
+    pub(crate) neighbors: u32,
+    /// How a particle is spread: cubic, wendland or poly6
+    #[arg(long, value_name = "NAME", default_value = "cubic")]
+    pub(crate) kernel: KernelName,
+    /// Distance of grid points [default: by the smoothing lengths]
+    #[arg(long, value_name = "LENGTH", value_parser = positive, conflicts_with = "grid", allow_hyphen_values = true)]
+    pub(crate) voxel: Option<f32>,
+    /// Grid points along the longest axis
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(2..))]
+    pub(crate) grid: Option<u32>,
+    /// What a particle weighs: an attribute, or one [default: its mass if it has one]
+    #[arg(long, value_name = "NAME")]
+    pub(crate) weight: Option<String>,
+    /// Extinction per length where the density is 1, one number or R,G,B [default: so that the median column is 6 thick]
+    #[arg(long, value_name = "X", allow_hyphen_values = true)]
+    pub(crate) extinction: Option<Rgb>,
+    /// Share of the extinction that scatters, one number or R,G,B from 0 to 1
+    #[arg(long, value_name = "X", default_value = "0.95", allow_hyphen_values = true)]
+    pub(crate) albedo: Rgb,
+    /// Mean cosine of scattering, between -1 (back) and 1 (forward)
+    #[arg(long, visible_alias = "g", value_name = "G", default_value_t = 0.0, allow_hyphen_values = true)]
+    pub(crate) phase_g: f32,
+    /// A light: sun:X,Y,Z:E (travels along X,Y,Z, irradiance E), point:X,Y,Z:I (intensity I), sky:L (radiance L); numbers or R,G,B; may be repeated [default: a sun from the upper left, and a sky]
+    #[arg(long = "light", value_name = "LIGHT", allow_hyphen_values = true)]
+    pub(crate) lights: Vec<LightSpec>,
+    /// How light is found: march (illumination cache and ray march) or reference (path tracer without bias)
+    #[arg(long, value_name = "NAME", default_value = "march")]
+    pub(crate) method: MethodName,
+    /// How light that was scattered before is found: sweeps (without noise), photons, single (not at all), or off (no cache: brute force with photons)
+    #[arg(long, value_name = "HOW", default_value = "sweeps")]
+    pub(crate) cache: CacheName,
+    /// Distance of the cache's samples [default: that of the grid points]
+    #[arg(long, value_name = "LENGTH", value_parser = positive, allow_hyphen_values = true)]
+    pub(crate) cache_voxel: Option<f32>,
+    /// Photons to emit
+    #[arg(long, value_name = "N", default_value = "1e6", value_parser = count)]
+    pub(crate) photons: u64,
+    /// How photons find their next scattering: exact, delta; homogeneous and scaled[:FACTOR] are wrong, for comparison
+    #[arg(long, value_name = "NAME", default_value = "delta")]
+    pub(crate) free_path: FreePath,
+    /// Around each sample of the cache photons count within this radius; auto, R, or N@R for the nearest N within R
+    #[arg(long, value_name = "RADIUS", default_value = "auto", allow_hyphen_values = true)]
+    pub(crate) gather_radius: Gather,
+    /// Position noise: AMPLITUDE@OCTAVES, such as 0.6@3
+    #[arg(long, value_name = "A@N", allow_hyphen_values = true)]
+    pub(crate) noise: Option<NoiseAmount>,
+    /// Density noise: AMPLITUDE@OCTAVES
+    #[arg(long, value_name = "A@N", allow_hyphen_values = true)]
+    pub(crate) density_noise: Option<NoiseAmount>,
+    /// Size of the largest features of the noise [default: a thirtieth of the medium]
+    #[arg(long, value_name = "LENGTH", value_parser = positive, allow_hyphen_values = true)]
+    pub(crate) noise_scale: Option<f32>,
+    /// Length of a step of the march, in grid spacings
+    #[arg(long, value_name = "S", default_value = "1", value_parser = positive, allow_hyphen_values = true)]
+    pub(crate) step: f32,
+    /// Brightness in stops: each doubles the light
+    #[arg(long, value_name = "EV", default_value_t = 0.0, allow_hyphen_values = true)]
+    pub(crate) exposure: f32,
+    /// What the picture shows: light, photons (as points) or density (per column)
+    #[arg(long, value_name = "WHAT", default_value = "light")]
+    pub(crate) show: Shown,
+}
+
+/// Names of [`tyndall::medium::density::Smoothing`].
+#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum SmoothingName {
+    /// One length everywhere
+    Uniform,
+    /// Predicted from the number of particles
+    TwoPass,
+    /// Predicted and corrected
+    ThreePass,
+    /// The distance of the N*-th particle
+    Exact,
+    /// Each particle has its own; conserves mass
+    Scatter,
+}
+
+/// Names of [`tyndall::medium::Kernel`].
+#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum KernelName {
+    /// The cubic spline M4
+    Cubic,
+    /// Wendland's C2 function
+    Wendland,
+    /// (1 - q^2)^3
+    Poly6,
+}
+
+/// How light is found.
+#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum MethodName {
+    /// The illumination cache, and a ray march
+    March,
+    /// A path tracer without bias
+    Reference,
+}
+
+/// What fills the illumination cache.
+#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum CacheName {
+    /// Sweeps along many directions
+    Sweeps,
+    /// Photons
+    Photons,
+    /// Light is scattered once
+    Single,
+    /// There is none: light is found at every step
+    Off,
+}
+
+/// What a picture of a medium shows.
+#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Shown {
+    /// How it looks
+    Light,
+    /// Where photons were scattered
+    Photons,
+    /// How much of it there is
+    Density,
+}
