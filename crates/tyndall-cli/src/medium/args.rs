@@ -71,7 +71,7 @@ pub(crate) struct Medium {
     #[arg(long, value_name = "LENGTH", value_parser = positive, allow_hyphen_values = true)]
     pub(crate) noise_scale: Option<f32>,
     /// Length of a step of the march, in grid spacings
-    #[arg(long, value_name = "S", default_value = "1", value_parser = positive, allow_hyphen_values = true)]
+    #[arg(long, value_name = "S", default_value = "2", value_parser = positive, allow_hyphen_values = true)]
     pub(crate) step: f32,
     /// Brightness in stops: each doubles the light
     #[arg(long, value_name = "EV", default_value_t = 0.0, allow_hyphen_values = true)]

@@ -173,8 +173,12 @@ mod tests {
         let path = folder.0.join("a.png");
         let pair = |key: &str, text: &str| (key.to_string(), text.to_string());
         let metadata = vec![pair("Software", "Tyndall 0.1.0"), pair("tyndall:unit", "5 Å, ½ µm\nand 粒子")];
-        super::super::image(&path, &ramp(3, 2, true), &ImageOptions { bits: 8, dpi: Some(300.0), metadata })
-            .unwrap();
+        super::super::image(
+            &path,
+            &ramp(3, 2, true),
+            &ImageOptions { dpi: Some(300.0), metadata, ..Default::default() },
+        )
+        .unwrap();
         let (info, _) = read(&path);
         let size = info.pixel_dims.unwrap();
         assert_eq!((size.xppu, size.yppu, size.unit), (11811, 11811, Unit::Meter));

@@ -142,7 +142,7 @@ impl Cache {
     }
 
     /// The radiance that scattering adds at a point, per extinction, to light that travels to where `toward` comes from.
-    #[inline]
+    #[inline(always)]
     pub fn scattered(&self, at: Vec3, toward: &Toward) -> Vec3 {
         let mut sum = self.smooth(at, toward);
         for direct in &self.direct {

@@ -108,13 +108,18 @@ impl<'a> PhotonMap<'a> {
         if mass <= 0.0 {
             return sums;
         }
-        let number = harmonics::count(order);
-        self.each(at, radius, |photon, _| {
-            let harmonics = harmonics::evaluate(photon.direction);
-            for (sum, harmonic) in sums[..number].iter_mut().zip(harmonics) {
-                *sum += harmonic * photon.power;
-            }
-        });
+        if order == 0 {
+            self.each(at, radius, |photon, _| sums[0] += photon.power);
+            sums[0] *= harmonics::evaluate(Vec3::Z)[0];
+        } else {
+            let number = harmonics::count(order);
+            self.each(at, radius, |photon, _| {
+                let harmonics = harmonics::evaluate(photon.direction);
+                for (sum, harmonic) in sums[..number].iter_mut().zip(harmonics) {
+                    *sum += harmonic * photon.power;
+                }
+            });
+        }
         let optics = self.medium.optics();
         let scattering = mass * Vec3::from(optics.extinction) * Vec3::from(optics.albedo);
         let inverse = scattering.map(|it| if it > 0.0 { 1.0 / it } else { 0.0 });
