@@ -9,7 +9,7 @@ mod density;
 mod feed;
 mod lammps;
 mod map;
-mod npy;
+pub(crate) mod npy;
 mod numbers;
 mod ply;
 #[cfg(test)]

@@ -10,6 +10,7 @@ mod block;
 mod build;
 mod rays;
 mod sizes;
+mod stream;
 
 use fearless_simd::{f32x8, f32x16, prelude::*};
 use glam::Vec3;
