@@ -13,36 +13,18 @@ use super::tiles::RAYS;
 use crate::math::Ray;
 use crate::structure::{Store, Structure};
 
-/// What one sample of every pixel of a film tile met, as columns of which the first `count` places count.
-pub(super) struct Surfaces {
-    pub(super) count: usize,
-    pub(super) position: [[f32; FILM_PIXELS]; 3],
-    pub(super) normal: [[f32; FILM_PIXELS]; 3],
-    pub(super) color: [[f32; 3]; FILM_PIXELS],
+/// What a sample met.
+#[derive(Clone, Copy)]
+pub(super) struct Surface {
+    pub(super) position: Vec3,
     /// The node that was met.
-    pub(super) node: [u32; FILM_PIXELS],
+    pub(super) node: u32,
+    pub(super) normal: Vec3,
     /// The film tile's pixel.
-    pub(super) pixel: [u16; FILM_PIXELS],
+    pub(super) pixel: u32,
+    pub(super) color: Vec3,
     /// Light gathered so far.
-    pub(super) brightness: [f32; FILM_PIXELS],
-}
-
-impl Surfaces {
-    pub(super) fn new() -> Self {
-        Self {
-            count: 0,
-            position: [[0.0; FILM_PIXELS]; 3],
-            normal: [[0.0; FILM_PIXELS]; 3],
-            color: [[0.0; 3]; FILM_PIXELS],
-            node: [0; FILM_PIXELS],
-            pixel: [0; FILM_PIXELS],
-            brightness: [0.0; FILM_PIXELS],
-        }
-    }
-
-    fn vector(column: &[[f32; FILM_PIXELS]; 3], place: usize) -> Vec3 {
-        Vec3::new(column[0][place], column[1][place], column[2][place])
-    }
+    pub(super) brightness: f32,
 }
 
 /// Cells along each of the two axes by which surfaces are sorted.
@@ -55,7 +37,7 @@ pub(super) fn gather<S: Simd>(
     structure: &Structure,
     toward: Vec3,
     radiance: f32,
-    surfaces: &mut Surfaces,
+    surfaces: &mut [Surface],
     stack: &mut Vec<shadows::Entry>,
 ) {
     // Who faces the light, and where it lies across the direction.
@@ -65,12 +47,11 @@ pub(super) fn gather<S: Simd>(
     let mut across = [[0.0_f32; 2]; FILM_PIXELS];
     let (mut low, mut high) = ([f32::INFINITY; 2], [f32::NEG_INFINITY; 2]);
     let mut count = 0;
-    for place in 0..surfaces.count {
-        let normal = Surfaces::vector(&surfaces.normal, place);
+    for (place, surface) in surfaces.iter().enumerate() {
+        let normal = surface.normal;
         let cos = normal.x * toward.x + normal.y * toward.y + normal.z * toward.z;
         if cos > 0.0 {
-            let position = Surfaces::vector(&surfaces.position, place);
-            let at = [position.dot(u), position.dot(v)];
+            let at = [surface.position.dot(u), surface.position.dot(v)];
             for axis in 0..2 {
                 low[axis] = low[axis].min(at[axis]);
                 high[axis] = high[axis].max(at[axis]);
@@ -103,11 +84,11 @@ pub(super) fn gather<S: Simd>(
     for packet in order[..count].chunks(RAYS) {
         let mut points = Points { position: [[0.0; RAYS]; 3], on: [0; RAYS] };
         for (lane, &k) in packet.iter().enumerate() {
-            let place = facing[k as usize] as usize;
+            let surface = &surfaces[facing[k as usize] as usize];
             for axis in 0..3 {
-                points.position[axis][lane] = surfaces.position[axis][place];
+                points.position[axis][lane] = surface.position[axis];
             }
-            points.on[lane] = surfaces.node[place];
+            points.on[lane] = surface.node;
         }
         let all = ((1_u64 << packet.len()) - 1) as u32;
         let lit = match &structure.store {
@@ -116,7 +97,7 @@ pub(super) fn gather<S: Simd>(
         };
         for (lane, &k) in packet.iter().enumerate() {
             if lit >> lane & 1 == 1 {
-                surfaces.brightness[facing[k as usize] as usize] += cosine[k as usize] * radiance;
+                surfaces[facing[k as usize] as usize].brightness += cosine[k as usize] * radiance;
             }
         }
     }

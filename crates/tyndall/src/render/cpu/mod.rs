@@ -22,7 +22,7 @@ use crate::scene::light::Lighting;
 use crate::simd::Lanes3;
 use crate::structure::Store;
 use bytemuck::Zeroable;
-use lighting::Surfaces;
+use lighting::Surface;
 use pass::PATTERN;
 pub(crate) use pass::{Pass, Samples};
 use tiles::{BLOCKS, Beam, EDGE, Entry, RAYS, Tile, block_at};
@@ -138,8 +138,8 @@ struct Scratch {
     tile: Box<Tile>,
     stack: Vec<Entry>,
     shadow_stack: Vec<shadows::Entry>,
-    /// What each sample of the film tile's pixels met, where light is traced.
-    surfaces: Vec<Surfaces>,
+    /// By sample: what the film tile's pixels met, where light is traced.
+    surfaces: Vec<Vec<Surface>>,
 }
 
 /// Adds a pass to the film. The only place where threads appear: each takes film tiles until none is left.
@@ -149,7 +149,7 @@ pub(crate) fn for_each_tile(film: &mut Film, pass: &Pass, level: Level, progress
         tile: Tile::new(),
         stack: Vec::new(),
         shadow_stack: Vec::new(),
-        surfaces: pass.lights.iter().map(|_| Surfaces::new()).collect(),
+        surfaces: pass.lights.iter().map(|_| Vec::with_capacity(FILM_PIXELS)).collect(),
     };
     film.tiles.par_iter_mut().for_each_init(scratch, |scratch, film_tile| {
         if progress.cancelled() {
@@ -308,24 +308,21 @@ fn draw<S: Simd>(simd: S, pass: &Pass, met: &Met<S>, first: usize, film_tile: &m
 }
 
 /// Keeps what a block's rays met until its light can be asked for with that of others.
-fn keep<S: Simd>(pass: &Pass, met: &Met<S>, node: &[u32; RAYS], first: usize, surfaces: &mut [Surfaces]) {
+fn keep<S: Simd>(pass: &Pass, met: &Met<S>, node: &[u32; RAYS], first: usize, surfaces: &mut [Vec<Surface>]) {
     let (position, normal, color) = (met.position.to_arrays(), met.normal.to_arrays(), met.color.to_arrays());
-    let bits = met.hits.to_bitmask();
-    for lane in 0..RAYS {
-        if bits >> lane & 1 == 0 {
-            continue;
-        }
-        let surfaces = &mut surfaces[pass.sample[lane]];
-        let place = surfaces.count;
-        surfaces.count += 1;
-        for axis in 0..3 {
-            surfaces.position[axis][place] = position[axis][lane];
-            surfaces.normal[axis][place] = normal[axis][lane];
-            surfaces.color[place][axis] = color[axis][lane];
-        }
-        surfaces.node[place] = node[lane];
-        surfaces.pixel[place] = (first + pass.pixel[lane]) as u16;
-        surfaces.brightness[place] = 0.0;
+    let mut bits = met.hits.to_bitmask();
+    while bits != 0 {
+        let lane = bits.trailing_zeros() as usize;
+        bits &= bits - 1;
+        let vector = |lanes: &[[f32; RAYS]; 3]| Vec3::new(lanes[0][lane], lanes[1][lane], lanes[2][lane]);
+        surfaces[pass.sample[lane]].push(Surface {
+            position: vector(&position),
+            node: node[lane],
+            normal: vector(&normal),
+            pixel: (first + pass.pixel[lane]) as u32,
+            color: vector(&color),
+            brightness: 0.0,
+        });
     }
 }
 
@@ -347,13 +344,12 @@ fn light<S: Simd>(simd: S, pass: &Pass, film_tile: &mut FilmTile, scratch: &mut 
                 &mut scratch.shadow_stack,
             );
         }
-        for place in 0..surfaces.count {
-            let sum = &mut film_tile.sum[surfaces.pixel[place] as usize];
-            for (total, color) in sum.iter_mut().zip(surfaces.color[place]) {
-                *total += color * surfaces.brightness[place];
+        for surface in surfaces.drain(..) {
+            let sum = &mut film_tile.sum[surface.pixel as usize];
+            for (total, color) in sum.iter_mut().zip(surface.color.to_array()) {
+                *total += color * surface.brightness;
             }
             sum[3] += 1.0;
         }
-        surfaces.count = 0;
     }
 }
