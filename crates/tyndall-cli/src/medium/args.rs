@@ -40,7 +40,7 @@ pub(crate) struct Medium {
     /// Mean cosine of scattering, between -1 (back) and 1 (forward)
     #[arg(long, visible_alias = "g", value_name = "G", default_value_t = 0.0, allow_hyphen_values = true)]
     pub(crate) phase_g: f32,
-    /// A light: sun:X,Y,Z:E (travels along X,Y,Z, irradiance E), point:X,Y,Z:I (intensity I), sky:L (radiance L); numbers or R,G,B; may be repeated [default: a sun from the upper left, and a sky]
+    /// A light: sun:X,Y,Z:E (travels along X,Y,Z, irradiance E), point:X,Y,Z:I (intensity I), spot:X,Y,Z:X,Y,Z:DEGREES:I (where it is, where it shines, half the cone), sky:L (radiance L); numbers or R,G,B; may be repeated [default: a sun from the upper left, and a sky]
     #[arg(long = "light", value_name = "LIGHT", allow_hyphen_values = true)]
     pub(crate) lights: Vec<LightSpec>,
     /// How light is found: march (illumination cache and ray march) or reference (path tracer without bias)

@@ -1,7 +1,7 @@
 //! Scene files: what the command line says, in TOML, with the same names; and a density grid in place of particles.
 //!
 //! Every table but `grid`, `particles` and `light` holds flags by their long names without dashes, such as `eye = [1, 2, 3]` for
-//! `--eye 1,2,3` (the tables' own names are for people). Each `[[light]]` has a kind, `sun`, `point` or `sky`, and what the flag
+//! `--eye 1,2,3` (the tables' own names are for people). Each `[[light]]` has a kind, `sun`, `point`, `spot` or `sky`, and what the flag
 //! `--light` says. `[grid]` names a raw file of samples, `[particles]` files of particles. What the command line says beside the
 //! scene's name counts before the scene. Paths are relative to the scene file.
 
@@ -130,12 +130,13 @@ fn light_words(light: &Value) -> Result<String, String> {
     let kind = light
         .get("kind")
         .and_then(Value::as_str)
-        .ok_or("[[light]] needs kind = \"sun\", \"point\" or \"sky\"")?;
+        .ok_or("[[light]] needs kind = \"sun\", \"point\", \"spot\" or \"sky\"")?;
     let keys: &[&str] = match kind {
         "sun" => &["along", "irradiance"],
         "point" => &["position", "intensity"],
+        "spot" => &["position", "along", "angle", "intensity"],
         "sky" => &["radiance"],
-        _ => return Err(format!("no light is called '{kind}': sun, point or sky")),
+        _ => return Err(format!("no light is called '{kind}': sun, point, spot or sky")),
     };
     let mut words = kind.to_string();
     for key in keys {

@@ -3,7 +3,7 @@
 use std::str::FromStr;
 
 use tyndall::medium::Light;
-use tyndall::medium::light::{Directional, Environment, Point};
+use tyndall::medium::light::{Cone, Directional, Environment, Point, Spot};
 use tyndall::render::medium::gather::Radius;
 use tyndall::{Error, Result, Vec3};
 
@@ -79,13 +79,15 @@ impl FromStr for Gather {
     }
 }
 
-/// A light: `sun:X,Y,Z:E`, `point:X,Y,Z:I` or `sky:L`. Positions are in the file's coordinates.
+/// A light: `sun:X,Y,Z:E`, `point:X,Y,Z:I`, `spot:X,Y,Z:X,Y,Z:DEGREES:I` or `sky:L`. Positions are in the file's coordinates.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum LightSpec {
     /// Where it travels, and its irradiance.
     Sun([f32; 3], [f32; 3]),
     /// Where it is, and its intensity.
     Point([f32; 3], [f32; 3]),
+    /// Where it is, where it shines, half the angle of its cone in degrees, and its intensity.
+    Spot([f32; 3], [f32; 3], f32, [f32; 3]),
     /// Its radiance.
     Sky([f32; 3]),
 }
@@ -100,14 +102,25 @@ impl FromStr for LightSpec {
             ("sun", 2) => number(1).map(|along| Self::Sun(along, [std::f32::consts::PI; 3])),
             ("sun", 3) => number(1).zip(number(2)).map(|(along, light)| Self::Sun(along, light)),
             ("point", 3) => number(1).zip(number(2)).map(|(at, light)| Self::Point(at, light)),
+            ("spot", 5) => {
+                let angle = parts[3].trim().parse().ok();
+                let places = number(1).zip(number(2));
+                places
+                    .zip(angle.zip(number(4)))
+                    .map(|((at, along), (angle, light))| Self::Spot(at, along, angle, light))
+            }
             ("sky", 2) => number(1).map(Self::Sky),
             _ => None,
         };
         spec.ok_or_else(|| {
-            Error::setting("--light", text, "sun:X,Y,Z:IRRADIANCE, point:X,Y,Z:INTENSITY or sky:RADIANCE")
+            let allowed = "sun:X,Y,Z:IRRADIANCE, point:X,Y,Z:INTENSITY, spot:X,Y,Z:X,Y,Z:DEGREES:INTENSITY or sky:RADIANCE";
+            Error::setting("--light", text, allowed)
         })
     }
 }
+
+/// Share of a spot's cone within which it is full.
+const SOFT_EDGE: f32 = 0.8;
 
 impl LightSpec {
     /// The light, for positions measured from `origin`.
@@ -117,6 +130,11 @@ impl LightSpec {
             Self::Point(at, light) => {
                 let at = Vec3::from(at).as_dvec3() - origin;
                 Light::Point(Point::new(at.as_vec3(), light)?)
+            }
+            Self::Spot(at, along, degrees, light) => {
+                let at = (Vec3::from(at).as_dvec3() - origin).as_vec3();
+                let dark = degrees.to_radians();
+                Light::Spot(Spot::new(at, Vec3::from(along), light, Cone { full: SOFT_EDGE * dark, dark })?)
             }
             Self::Sky(light) => Light::Environment(Environment::constant(light)?),
         })
@@ -136,6 +154,9 @@ mod tests {
         assert_eq!("50@1.5".parse::<Gather>().unwrap(), Gather(Radius::Nearest(50, 1.5)));
         assert_eq!("auto".parse::<Gather>().unwrap(), Gather(Radius::Automatic));
         assert_eq!("sky:0.25".parse::<LightSpec>().unwrap(), LightSpec::Sky([0.25; 3]));
+        let spot = LightSpec::Spot([1.0, 2.0, 3.0], [0.0, -1.0, 0.0], 20.0, [5.0; 3]);
+        assert_eq!("spot:1,2,3:0,-1,0:20:5".parse::<LightSpec>().unwrap(), spot);
+        assert!(spot.light(tyndall::DVec3::ZERO).is_ok());
         let sun = LightSpec::Sun([0.0, -1.0, 0.0], [3.0, 2.0, 1.0]);
         assert_eq!("sun:0,-1,0:3,2,1".parse::<LightSpec>().unwrap(), sun);
     }

@@ -128,7 +128,7 @@ pub struct Toward {
 }
 
 impl Cache {
-    /// Lights a medium. Fails with [`Error::Setting`] if a knob is out of range, and when interrupted.
+    /// Lights a medium. Fails with [`crate::Error::Setting`] if a knob is out of range, and when interrupted.
     pub fn new(
         medium: &Medium,
         lights: &[Light],

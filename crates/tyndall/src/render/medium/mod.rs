@@ -1,7 +1,7 @@
 //! Light in a participating medium, on the CPU.
 //!
 //! The road: [`photons`] or the sweeps of the [`cache`] light the medium, [`march`] makes the picture; [`brute`] does without the
-//! cache and [`reference`] without any of it. [`picture`] is the last step of all.
+//! cache and [`mod@reference`] without any of it. [`picture`] is the last step of all.
 
 pub mod brute;
 pub mod cache;
