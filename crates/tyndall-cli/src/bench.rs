@@ -18,8 +18,8 @@ use tyndall::{Progress, synthetic};
 
 use crate::args;
 use crate::dry_run::check_memory;
-use crate::render::structure;
 use crate::report::{Outcome, Report, bytes};
+use crate::structure;
 
 /// Measures every set at every count.
 pub(crate) fn run(args: &args::Bench, report: &Report) -> Outcome<()> {
@@ -34,7 +34,7 @@ pub(crate) fn run(args: &args::Bench, report: &Report) -> Outcome<()> {
         for set in &args.sets {
             let specification = format!("{set}?n={count}&seed=1");
             let size = Settings { width: args.size.width, height: args.size.height, samples: 1, seed: 0 };
-            check_memory(&Work::of_count(count, structure(&args.structure), size))?;
+            check_memory(&Work::of_count(count, structure::kind(&args.structure)?, size))?;
             let particles = synthetic::generate(&specification, report.progress())?;
             let rows = measure(set, particles, args, report)?;
             rows.into_iter().for_each(|row| table.add(row));
@@ -52,7 +52,8 @@ fn measure(set: &str, particles: Particles, args: &args::Bench, report: &Report)
     let (radii, _) = automatic::radii(&particles);
     let count = particles.len();
     let start = Instant::now();
-    let structure = Structure::build(structure(&args.structure), particles, &radii, 1.0, report.progress())?;
+    let structure =
+        Structure::build(structure::kind(&args.structure)?, particles, &radii, 1.0, report.progress())?;
     let build_secs = start.elapsed().as_secs_f64();
     let bytes_per_particle = structure.bytes() as f64 / count.max(1) as f64;
     let colors = ParticleColors::constant([0.7; 3]);
