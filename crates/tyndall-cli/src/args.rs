@@ -257,6 +257,10 @@ pub(crate) struct Method {
     pub(crate) mode: Mode,
     #[command(flatten)]
     pub(crate) structure: StructureArgs,
+    /// Memory that may be used, such as 500M or 16G, instead of all that is free; what does not fit is read in parts where its
+    /// format allows that
+    #[arg(long, value_name = "BYTES", value_parser = crate::values::bytes)]
+    pub(crate) memory: Option<u64>,
     /// Says how much memory and time it would take, and stops
     #[arg(long)]
     pub(crate) dry_run: bool,

@@ -34,7 +34,8 @@ pub(crate) fn run(args: &args::Bench, report: &Report) -> Outcome<()> {
         for set in &args.sets {
             let specification = format!("{set}?n={count}&seed=1");
             let size = Settings { width: args.size.width, height: args.size.height, samples: 1, seed: 0 };
-            check_memory(&Work::of_count(count, structure::kind(&args.structure)?, size))?;
+            let work = Work::of_count(count, structure::kind(&args.structure)?, size);
+            check_memory(&work, work.memory_bytes(), None)?;
             let particles = synthetic::generate(&specification, report.progress())?;
             let rows = measure(set, particles, args, report)?;
             rows.into_iter().for_each(|row| table.add(row));

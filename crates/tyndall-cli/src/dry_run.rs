@@ -5,19 +5,23 @@ use tyndall::render::estimate::Work;
 
 use crate::report::{Outcome, Report, bytes, seconds};
 
-/// Refuses work that does not fit the memory that is free.
-pub(crate) fn check_memory(work: &Work) -> Outcome<()> {
-    let needed_bytes = work.memory_bytes();
-    match available_bytes() {
+/// Refuses work that needs more than `needed_bytes` of the memory that is free, or of `limit`.
+pub(crate) fn check_memory(work: &Work, needed_bytes: u64, limit: Option<u64>) -> Outcome<()> {
+    match limit.or_else(available_bytes) {
         Some(available_bytes) if needed_bytes > available_bytes => Err(Error::Memory {
             what: format!("the work on {} particles", tyndall::scene::grouped(work.particles as usize)),
             needed_bytes,
             available_bytes,
-            hint: "try fewer particles, a smaller --size, or a machine with more memory".into(),
+            hint: "try --pack 16, fewer particles, a smaller --size, or a machine with more memory".into(),
         }
         .into()),
         _ => Ok(()),
     }
+}
+
+/// Whether it takes less memory than is free, or than `limit`.
+pub(crate) fn fits(needed_bytes: u64, limit: Option<u64>) -> bool {
+    limit.or_else(available_bytes).is_none_or(|available_bytes| needed_bytes <= available_bytes)
 }
 
 /// Says what the pictures would cost.

@@ -15,7 +15,8 @@ use crate::{dry_run, input, json};
 /// Describes a frame.
 pub(crate) fn run(args: &args::Info, report: &Report) -> Outcome<()> {
     let settings = Settings { width: 1, height: 1, samples: 1, seed: 0 };
-    dry_run::check_memory(&Work::of_count(input::known_count(&args.input.files)?, Kind::Brute, settings))?;
+    let work = Work::of_count(input::known_count(&args.input.files)?, Kind::Brute, settings);
+    dry_run::check_memory(&work, work.memory_bytes(), None)?;
     let sequence = input::open(&args.input, report)?;
     let number = frame_number(args.frame, sequence.len())?;
     let frame = input::read(&sequence, number, &args.input, report)?;

@@ -17,9 +17,9 @@ use tyndall::scene::outline::Outline;
 use tyndall::scene::viewpoint::{Lens, Motion, Viewpoint, too_small, why_unseen};
 use tyndall::scene::{Scene, short};
 use tyndall::structure::{Kind, Spheres, Structure};
-use tyndall::{Error, Image};
+use tyndall::{Error, Image, Source};
 use tyndall_io::write::{self, ImageOptions};
-use tyndall_io::{Frame, Sequence};
+use tyndall_io::{Parts, Sequence};
 
 use crate::args::{self, LightLook, Mode};
 use crate::output::Pattern;
@@ -33,17 +33,21 @@ pub(crate) fn run(args: &args::Render, report: &Report) -> Outcome<()> {
     let job = Job::new(args, report)?;
     // What cannot work is refused before the reading.
     write::check(&job.pattern.name(0)).map_err(Failure::Output)?;
-    dry_run::check_memory(&Work::of_count(
-        input::known_count(&args.input.files)?,
-        job.structure,
-        job.settings,
-    ))?;
+    let known = input::known_count(&args.input.files)?;
+    job.check_memory(&Work::of_count(known, job.structure, job.settings), Reading::Parts)?;
     let sequence = input::open(&args.input, report)?;
     let pictures = plan::pictures(args, &job.pattern, sequence.len(), report)?;
     if args.method.dry_run {
         return job.dry_run(&sequence, &pictures);
     }
     job.pictures_of(&sequence, &pictures)
+}
+
+/// Whether particles are read as a whole or can be read in parts.
+#[derive(Clone, Copy)]
+enum Reading {
+    Whole,
+    Parts,
 }
 
 /// What is guessed on the first frame and kept.
@@ -114,8 +118,39 @@ impl<'a> Job<'a> {
             count => Work::of_count(count, self.structure, self.settings),
         };
         let work = Work { traced: self.args.look.look == LightLook::Default, ..work };
-        dry_run::check_memory(&work)?;
+        self.check_memory(&work, if known > 0 { Reading::Parts } else { Reading::Whole })?;
         dry_run::tell(&work, pictures.len(), self.report)
+    }
+
+    /// Refuses work that does not fit the memory.
+    fn check_memory(&self, work: &Work, reading: Reading) -> Outcome<()> {
+        let needed_bytes = match (reading, self.structure) {
+            (Reading::Parts, Kind::Bvh(_)) => work.memory_bytes().min(work.streamed_bytes()),
+            _ => work.memory_bytes(),
+        };
+        dry_run::check_memory(work, needed_bytes, self.args.method.memory)
+    }
+
+    /// The frame as parts, if it has to be read in parts and can be.
+    fn parts(&self, sequence: &Sequence, number: usize) -> Option<Parts> {
+        // What is wrong with the file is said when it is read.
+        let parts =
+            sequence.parts(number).ok().flatten().filter(|_| matches!(self.structure, Kind::Bvh(_)))?;
+        let work = Work::of_count(parts.len(), self.structure, self.settings);
+        (!dry_run::fits(work.memory_bytes(), self.args.method.memory)).then_some(parts)
+    }
+
+    /// Builds over parts. Returns too how many particles were not finite.
+    fn stream(&self, parts: &Parts, radii: &Radii, colors: &ParticleColors) -> Outcome<(Structure, u64)> {
+        let allowed = "one for all: the particles do not fit the memory with what each has of its own";
+        let (&Radii::Uniform(radius), Kind::Bvh(packing)) = (radii, self.structure) else {
+            return Err(Error::setting("--radius", "each its own", allowed).into());
+        };
+        if !colors.is_constant() {
+            return Err(Error::setting("--color", &colors.description, allowed).into());
+        }
+        let radius = radius * self.args.look.radius_scale;
+        Ok(Structure::stream(parts, parts.origin(), radius, packing, self.report.progress())?)
     }
 
     /// Makes the pictures frame by frame, and counts what failed.
@@ -179,12 +214,19 @@ impl<'a> Job<'a> {
         written: &mut usize,
     ) -> Outcome<()> {
         let start = Instant::now();
-        let Frame { particles, conventions, .. } =
-            input::read(sequence, number, &self.args.input, self.report)?;
+        let parts = self.parts(sequence, number);
+        let (particles, conventions) = match &parts {
+            Some(parts) => (parts.sample(self.report.progress())?, vec!["read in parts".to_string()]),
+            None => {
+                let frame = input::read(sequence, number, &self.args.input, self.report)?;
+                let work = Work::of(&frame.particles, self.structure, self.settings);
+                self.check_memory(&Work { columns_bytes: 0, ..work }, Reading::Whole)?;
+                (frame.particles, frame.conventions)
+            }
+        };
         self.report.detail(format_args!("read: {}", seconds(start.elapsed().as_secs_f64())));
+        let count = parts.as_ref().map_or(particles.len(), |parts| parts.len() as usize);
         let is_first = kept.is_none();
-        let work = Work::of(&particles, self.structure, self.settings);
-        dry_run::check_memory(&Work { columns_bytes: 0, ..work })?;
 
         // Guess what is not said.
         let guessing = Instant::now();
@@ -196,7 +238,7 @@ impl<'a> Job<'a> {
             None => self.camera(spheres),
         };
         let colors = self.colors(&particles, kept.as_ref())?;
-        let mut guesses = self.guesses(&conventions, spheres, &radius_text, &colors, &framing_text);
+        let mut guesses = self.guesses(&conventions, count, &radius_text, &colors, &framing_text);
         if is_first {
             self.report.note(format_args!("tyndall: {}", guesses.join(" · ")));
             let Settings { width, height, .. } = self.settings;
@@ -224,7 +266,13 @@ impl<'a> Job<'a> {
         let building = Instant::now();
         let (time, dropped) = (particles.time(), particles.dropped().total());
         let scale = self.args.look.radius_scale;
-        let structure = Structure::build(self.structure, particles, &radii, scale, self.report.progress())?;
+        let (structure, dropped) = match &parts {
+            Some(parts) => self.stream(parts, &radii, &colors)?,
+            None => {
+                let progress = self.report.progress();
+                (Structure::build(self.structure, particles, &radii, scale, progress)?, dropped)
+            }
+        };
         self.report.detail(format_args!("build: {}", seconds(building.elapsed().as_secs_f64())));
         if let Some(error) = structure.packing_error() {
             let text = structure::packing_error(error);
@@ -320,7 +368,7 @@ impl<'a> Job<'a> {
     fn guesses(
         &self,
         conventions: &[String],
-        spheres: Spheres,
+        count: usize,
         radius: &str,
         colors: &ParticleColors,
         framing: &str,
@@ -328,7 +376,7 @@ impl<'a> Job<'a> {
         let name = structure::name(self.structure);
         let Settings { width, height, samples, .. } = self.settings;
         let mut guesses = vec![format!("{name}, cpu {} threads", rayon::current_num_threads())];
-        guesses.push(counted(spheres.len(), "particle"));
+        guesses.push(counted(count, "particle"));
         guesses.extend(conventions.iter().cloned());
         guesses.extend([radius.to_string(), colors.description.clone(), framing.to_string()]);
         guesses.push(format!("{width}x{height}, {samples} samples"));

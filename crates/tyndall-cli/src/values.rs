@@ -54,6 +54,24 @@ pub(crate) fn count(text: &str) -> Result<u64> {
         .ok_or_else(|| Error::setting("--n", text, "counts from 1 to 4e9, such as 1e6,1e7"))
 }
 
+/// Reads an amount of memory: a number, with K, M, G or T for powers of 1024.
+pub(crate) fn bytes(text: &str) -> Result<u64> {
+    let digits = text.trim_end_matches(|c: char| !c.is_ascii_digit());
+    let power = match text[digits.len()..].to_ascii_uppercase().trim_end_matches(['B', 'I']) {
+        "" => Some(0),
+        "K" => Some(1),
+        "M" => Some(2),
+        "G" => Some(3),
+        "T" => Some(4),
+        _ => None,
+    };
+    let number = digits.parse().ok().filter(|it: &f64| *it > 0.0);
+    match (number, power) {
+        (Some(number), Some(power)) => Ok((number * 1024_f64.powi(power)) as u64),
+        _ => Err(Error::setting("--memory", text, "bytes, such as 500M or 16G")),
+    }
+}
+
 /// An angle.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Degrees(pub(crate) f64);

@@ -2,8 +2,10 @@
 //!
 //! [`Sequence::open`] recognises a file by its content and reads its frames one at a time; [`mod@write`] puts an image on disk.
 
+pub mod parts;
 pub mod read;
 pub mod sequence;
 pub mod write;
 
+pub use parts::Parts;
 pub use sequence::{Frame, Options, Sequence};

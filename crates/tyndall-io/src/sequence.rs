@@ -12,6 +12,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use rayon::prelude::*;
 use tyndall::{Error, Particles, Progress, Result};
 
+use crate::parts::Parts;
 use crate::read::{self, Feed, Format, Index, Open, Packing, Request, Span};
 
 /// Unpacked content up to this size is kept.
@@ -137,6 +138,18 @@ impl Sequence {
         };
         frame.warnings.extend(dropped(&frame.particles));
         Ok(frame)
+    }
+
+    /// Frame `frame` as a source of parts, for when it does not fit the memory; `None` where its format has to be read as a whole.
+    pub fn parts(&self, frame: usize) -> Result<Option<Parts>> {
+        let (source, _) = self.place(frame);
+        match &self.sources[source] {
+            Source::Synthetic(spec) => Parts::of_synthetic(spec).map(Some),
+            Source::File(file) if file.format.names.contains(&"npy") && file.packing == Packing::Plain => {
+                Parts::of_npy(&file.path)
+            }
+            Source::File(_) => Ok(None),
+        }
     }
 
     /// The source of a frame, and the frame's number therein.

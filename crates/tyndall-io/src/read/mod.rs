@@ -8,7 +8,7 @@ mod column;
 mod feed;
 mod lammps;
 mod map;
-mod npy;
+pub(crate) mod npy;
 mod numbers;
 mod ply;
 #[cfg(test)]

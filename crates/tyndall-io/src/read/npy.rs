@@ -7,6 +7,7 @@ mod archive;
 mod header;
 mod literal;
 mod quantity;
+mod rows;
 #[cfg(test)]
 mod tests;
 
@@ -19,6 +20,8 @@ use self::header::{Fault, Header};
 use self::quantity::{Data, Quantity};
 use super::records::{self, Field, Layout, Source};
 use crate::sequence::Frame;
+
+pub(crate) use self::rows::Rows;
 
 /// Names of arrays that hold positions, best first.
 const POSITION_NAMES: [&str; 12] = [

@@ -49,7 +49,7 @@ impl Source<'_> {
     }
 
     /// The byte behind the last one needed; `None` if there is no such number.
-    fn end(&self, count: usize, components: usize) -> Option<usize> {
+    pub(crate) fn end(&self, count: usize, components: usize) -> Option<usize> {
         let last =
             (count - 1).checked_mul(self.stride)?.checked_add((components - 1).checked_mul(self.step)?)?;
         self.start.checked_add(last)?.checked_add(self.kind.size())

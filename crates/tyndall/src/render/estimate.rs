@@ -4,7 +4,7 @@
 
 use super::Settings;
 use crate::particles::Particles;
-use crate::structure::{Kind, Packing};
+use crate::structure::{AT_ONCE, Kind, Packing};
 
 /// Memory of a particle without attributes: three coordinates.
 const POSITION_BYTES: u64 = 12;
@@ -53,20 +53,34 @@ impl Work {
 
     /// The most memory that it needs at one time, in bytes.
     pub fn memory_bytes(&self) -> u64 {
-        let arranged = ID_BYTES
-            + match self.structure {
-                Kind::Bvh(Packing::Exact) => 14,
-                Kind::Bvh(Packing::Bits16) => 9,
-                Kind::Bvh(Packing::Bits11) => 7,
-                Kind::Bvh(Packing::Bits8) => 6,
-                Kind::Pkd(_) | Kind::Brute => 16,
-            };
-        let pixels = u64::from(self.settings.width) * u64::from(self.settings.height);
         // The columns are let go when the records are there, before the structure is.
         let sorted = self.particles.saturating_mul(RECORD_BYTES);
-        let structure = self.particles.saturating_mul(arranged).max(self.columns_bytes);
+        let structure = self.particles.saturating_mul(self.arranged_bytes()).max(self.columns_bytes);
         let colors = self.particles.saturating_mul(COLOR_BYTES);
-        sorted.saturating_add(structure).saturating_add(colors).saturating_add(pixels * PIXEL_BYTES)
+        sorted.saturating_add(structure).saturating_add(colors).saturating_add(self.pixel_bytes())
+    }
+
+    /// The same where the particles are read in parts; see [`crate::structure::Structure::stream`].
+    pub fn streamed_bytes(&self) -> u64 {
+        let sorted = self.particles.min(AT_ONCE).saturating_mul(RECORD_BYTES);
+        let structure = self.particles.saturating_mul(self.arranged_bytes());
+        sorted.saturating_add(structure).saturating_add(self.pixel_bytes())
+    }
+
+    /// Memory of a particle in the structure, and of its id.
+    fn arranged_bytes(&self) -> u64 {
+        let bytes = match self.structure {
+            Kind::Bvh(Packing::Exact) => 14,
+            Kind::Bvh(Packing::Bits16) => 9,
+            Kind::Bvh(Packing::Bits11) => 7,
+            Kind::Bvh(Packing::Bits8) => 6,
+            Kind::Pkd(_) | Kind::Brute => 16,
+        };
+        ID_BYTES + bytes
+    }
+
+    fn pixel_bytes(&self) -> u64 {
+        u64::from(self.settings.width) * u64::from(self.settings.height) * PIXEL_BYTES
     }
 
     /// The time that it takes `threads` cores to build and render, in seconds.
@@ -98,5 +112,6 @@ mod tests {
         assert!(many.seconds(2) > few.seconds(2) && few.seconds(1) > few.seconds(2));
         let all = Work::of_count(u64::MAX, Kind::default(), settings);
         assert_eq!(all.memory_bytes(), u64::MAX);
+        assert!(many.streamed_bytes() < 25_000_000_000, "{}", many.streamed_bytes());
     }
 }

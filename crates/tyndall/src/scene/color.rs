@@ -73,6 +73,11 @@ impl ParticleColors {
         }
     }
 
+    /// Whether all particles have the same.
+    pub fn is_constant(&self) -> bool {
+        matches!(self.store, Store::Constant(_))
+    }
+
     /// The same colors, particle `ids[k]` at place `k`.
     pub(super) fn arranged(self, ids: &[u32]) -> Self {
         let store = match self.store {

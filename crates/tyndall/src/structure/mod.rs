@@ -15,6 +15,7 @@ use crate::error::Result;
 use crate::math::{Bounds, Ray, enter_sphere};
 use crate::particles::{Particles, Radii};
 use crate::progress::Progress;
+use crate::source::Source;
 use build::{Record, records};
 
 pub use bvh::{Bvh, Packing, PackingError};
@@ -165,6 +166,19 @@ impl Structure {
         })
     }
 
+    /// Arranges spheres of one radius that are read part by part, in a hierarchy: see [`Bvh::stream`]. Centers are offsets from
+    /// `origin`. Returns too how many particles were not finite.
+    pub fn stream(
+        source: &dyn Source,
+        origin: DVec3,
+        radius: f32,
+        packing: Packing,
+        progress: &dyn Progress,
+    ) -> Result<(Self, u64)> {
+        let (bvh, dropped) = Bvh::stream(source, radius, packing, AT_ONCE, progress)?;
+        Ok((Self { store: Store::Bvh(bvh), origin, places: None }, dropped))
+    }
+
     /// The particle that `ray` enters first, not counting the one at node `except`.
     pub fn intersect(&self, ray: &Ray, except: Option<u32>) -> Option<Hit> {
         each_store!(&self.store, store => store.intersect(ray, except))
@@ -225,6 +239,9 @@ impl Structure {
         each_store!(&self.store, store => store.bytes())
     }
 }
+
+/// Particles whose records are held at once while a source is read: 2 GiB.
+pub(crate) const AT_ONCE: u64 = 1 << 27;
 
 /// Builds the structure of that kind; `radius` is that of all where the records have none.
 fn arrange<const N: usize>(

@@ -54,7 +54,7 @@ struct Drop {
     before: u64,
 }
 
-pub(super) fn plan(count: u64, seed: u64) -> Plan {
+pub(super) fn plan(count: u64, seed: u64) -> Plan<'static> {
     let ends = ends(count, SHARES);
     let mut stream = Stream::new(seed, TABLES);
     let wanted = ends[0].max(1);

@@ -15,17 +15,17 @@ use crate::random::Stream;
 const TRIES: u64 = 64;
 
 /// A flat slab of 160 puffs.
-pub(super) fn cloud1(count: u64, seed: u64) -> Plan {
+pub(super) fn cloud1(count: u64, seed: u64) -> Plan<'static> {
     cloud(count, seed, Vec3::new(18.9, 2.3, 20.0), 160, 500_000.0)
 }
 
 /// A heaped cluster of 40 puffs.
-pub(super) fn cloud2(count: u64, seed: u64) -> Plan {
+pub(super) fn cloud2(count: u64, seed: u64) -> Plan<'static> {
     cloud(count, seed, Vec3::new(20.0, 10.7, 20.0), 40, 50_000.0)
 }
 
 /// A plume from a hot ball.
-pub(super) fn smoke(count: u64, seed: u64) -> Plan {
+pub(super) fn smoke(count: u64, seed: u64) -> Plan<'static> {
     let law = Smoke { seed, field: Turbulence::new(seed) };
     let mut attributes = scalars();
     attributes.push(Filled::in_unit("temperature", "K"));
@@ -37,7 +37,13 @@ fn scalars() -> Vec<Filled> {
 }
 
 /// `radius` is that at the published count, `more` how many times that count there are.
-fn plan(law: impl Law + 'static, size: Vec3, radius: f64, more: f64, attributes: Vec<Filled>) -> Plan {
+fn plan(
+    law: impl Law + 'static,
+    size: Vec3,
+    radius: f64,
+    more: f64,
+    attributes: Vec<Filled>,
+) -> Plan<'static> {
     let radius = if more > 0.0 { radius / more.cbrt() } else { radius };
     Plan {
         law: Box::new(law),
@@ -77,7 +83,7 @@ struct Puff {
     share: f32,
 }
 
-fn cloud(count: u64, seed: u64, size: Vec3, puff_count: usize, published: f64) -> Plan {
+fn cloud(count: u64, seed: u64, size: Vec3, puff_count: usize, published: f64) -> Plan<'static> {
     let mut stream = Stream::new(seed, TABLES);
     let sizes: Vec<f32> = (0..puff_count).map(|_| stream.gamma(3)).collect();
     let mean = sizes.iter().sum::<f32>() / puff_count as f32;

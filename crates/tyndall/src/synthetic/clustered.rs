@@ -24,7 +24,7 @@ struct Clustered {
     spread: f32,
 }
 
-pub(super) fn plan(seed: u64) -> Plan {
+pub(super) fn plan(seed: u64) -> Plan<'static> {
     let mut stream = Stream::new(seed, TABLES);
     let mut centers: Vec<Vec3> = (0..CENTERS).map(|_| 0.5 * stream.cube() + 0.5).collect();
     let mut spread = SPREAD;

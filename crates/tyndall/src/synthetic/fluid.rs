@@ -42,7 +42,7 @@ struct Surface {
     highest: f32,
 }
 
-pub(super) fn plan(count: u64, seed: u64) -> Plan {
+pub(super) fn plan(count: u64, seed: u64) -> Plan<'static> {
     let ends = ends(count, SHARES);
     let mut stream = Stream::new(seed, TABLES);
     let surface = Surface::new(&mut stream);

@@ -20,12 +20,15 @@ mod turbulence;
 mod uniform;
 mod virion;
 
+use std::ops::Range;
+
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
 use crate::error::{Error, Result};
 use crate::particles::{Attribute, Cell, Columns, Particles, Positions, Radii, Values};
 use crate::progress::Progress;
+use crate::source::Source;
 use specification::Specification;
 
 /// The names of the laws, for help texts.
@@ -49,7 +52,12 @@ const TABLES: u64 = u64::MAX;
 /// Fails with [`Error::Setting`] on an unknown name or key and on a bad value, and with [`Error::Interrupted`].
 pub fn generate(specification: &str, progress: &dyn Progress) -> Result<Particles> {
     let Specification { name, count, seed, radius } = Specification::parse(specification)?;
-    let plan = match name {
+    make(plan(name, count, seed), count, radius, progress)
+}
+
+/// The law of that name.
+fn plan(name: &str, count: u64, seed: u64) -> Plan<'static> {
+    match name {
         "uniform" => uniform::plan(count, seed),
         "packed" => packed::plan(count, seed),
         "clustered" => clustered::plan(seed),
@@ -60,8 +68,59 @@ pub fn generate(specification: &str, progress: &dyn Progress) -> Result<Particle
         "cloud1" => clouds::cloud1(count, seed),
         "cloud2" => clouds::cloud2(count, seed),
         _ => clouds::smoke(count, seed),
-    };
-    make(plan, count, radius, progress)
+    }
+}
+
+/// The particles of a specification, made when they are read: for counts that do not fit the memory.
+pub struct Synthetic {
+    plan: Plan<'static>,
+    count: u64,
+    radius: Option<f32>,
+}
+
+impl Synthetic {
+    /// Makes nothing yet. Fails as [`generate`] does.
+    pub fn new(specification: &str) -> Result<Self> {
+        let Specification { name, count, seed, radius } = Specification::parse(specification)?;
+        Ok(Self { plan: plan(name, count, seed), count, radius })
+    }
+
+    /// At most `count` of the particles, spread evenly over all, with all that [`generate`] would say of them.
+    pub fn sample(&self, count: u64, progress: &dyn Progress) -> Result<Particles> {
+        let step = self.count.div_ceil(count.max(1)).max(1);
+        let law = Box::new(EveryNth { law: &*self.plan.law, step });
+        let plan = Plan {
+            law,
+            radii: self.plan.radii.clone(),
+            attributes: self.plan.attributes.clone(),
+            ..self.plan
+        };
+        make(plan, self.count.div_ceil(step), self.radius, progress)
+    }
+}
+
+impl Source for Synthetic {
+    fn len(&self) -> u64 {
+        self.count
+    }
+
+    fn read(&self, range: Range<u64>, into: &mut Vec<Vec3>) -> Result<()> {
+        into.clear();
+        into.extend(range.map(|k| self.plan.law.particle(k).position));
+        Ok(())
+    }
+}
+
+/// Every `step`th particle of a law.
+struct EveryNth<'a> {
+    law: &'a dyn Law,
+    step: u64,
+}
+
+impl Law for EveryNth<'_> {
+    fn particle(&self, k: u64) -> Particle {
+        self.law.particle(k * self.step)
+    }
 }
 
 /// How many particles [`generate`] would make. Fails as it does.
@@ -84,6 +143,7 @@ trait Law: Sync {
 }
 
 /// An attribute that a law fills.
+#[derive(Clone)]
 struct Filled {
     name: &'static str,
     unit: Option<&'static str>,
@@ -91,6 +151,7 @@ struct Filled {
 }
 
 /// What the values of an attribute are.
+#[derive(Clone)]
 enum Kind {
     Real,
     Whole,
@@ -109,8 +170,8 @@ impl Filled {
 }
 
 /// A law ready to be asked, and what else a file would say.
-struct Plan {
-    law: Box<dyn Law>,
+struct Plan<'a> {
+    law: Box<dyn Law + 'a>,
     radii: Radii,
     attributes: Vec<Filled>,
     cell: Option<Cell>,

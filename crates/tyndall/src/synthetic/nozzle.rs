@@ -67,7 +67,7 @@ struct Droplet {
     before: u64,
 }
 
-pub(super) fn plan(count: u64, seed: u64) -> Plan {
+pub(super) fn plan(count: u64, seed: u64) -> Plan<'static> {
     let ends = ends(count, SHARES);
     let wanted = ends[0].max(1);
     let volume = f64::from(PI * CORE);

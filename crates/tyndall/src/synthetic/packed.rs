@@ -24,7 +24,7 @@ struct Packed {
     noise: f32,
 }
 
-pub(super) fn plan(count: u64, seed: u64) -> Plan {
+pub(super) fn plan(count: u64, seed: u64) -> Plan<'static> {
     let hole = std::f64::consts::PI / 6.0 * HOLE.powi(3);
     let mut cells = ((count as f64 / 4.0 / (1.0 - hole)).cbrt().ceil() as usize).max(1);
     while frame(cells).count(span) < count {

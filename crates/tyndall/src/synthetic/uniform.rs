@@ -10,7 +10,7 @@ struct Uniform {
     seed: u64,
 }
 
-pub(super) fn plan(count: u64, seed: u64) -> Plan {
+pub(super) fn plan(count: u64, seed: u64) -> Plan<'static> {
     let volume = 0.10 / count.max(1) as f64;
     let radius = (volume * 3.0 / (4.0 * std::f64::consts::PI)).cbrt();
     Plan {

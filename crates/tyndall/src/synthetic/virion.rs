@@ -63,7 +63,7 @@ struct Atom {
     chain: u8,
 }
 
-pub(super) fn plan(count: u64, seed: u64) -> Plan {
+pub(super) fn plan(count: u64, seed: u64) -> Plan<'static> {
     let ends = ends(count, SHARES);
     let scale = (count.max(1) as f64 / PUBLISHED).cbrt();
     let lipid = (LIPID_ATOMS * scale).round().max(1.0) as u64;

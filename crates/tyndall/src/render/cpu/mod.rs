@@ -337,7 +337,7 @@ fn light<S: Simd>(simd: S, pass: &Pass, film_tile: &mut FilmTile, scratch: &mut 
     };
     for (surfaces, light) in scratch.surfaces.iter_mut().zip(&pass.lights) {
         let lights = [(light.key, key_radiance(key)), (light.sky, sky_radiance(sky, light.sky))];
-        for (toward, radiance) in lights {
+        for (toward, radiance) in lights.into_iter().filter(|&(_, radiance)| radiance > 0.0) {
             lighting::gather(
                 simd,
                 pass.scene.structure(),

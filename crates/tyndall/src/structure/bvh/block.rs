@@ -5,10 +5,13 @@
 
 use fearless_simd::{f32x16, prelude::*, u32x16};
 use glam::Vec3;
+use rayon::prelude::*;
 
 use super::LEAF;
 use crate::math::Bounds;
 use crate::simd::{Lanes3, floats_of_bytes, floats_of_words};
+use crate::structure::build::Record;
+use crate::structure::pages;
 
 /// How a block holds the centers of its particles.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -225,6 +228,18 @@ pub(crate) enum Blocks {
     Bits8(Vec<Columns<u8>>),
 }
 
+/// Packs records, sixteen a block.
+fn extend<B: Block, const N: usize>(blocks: &mut Vec<B>, records: &[Record<N>]) {
+    let block = |records: &[Record<N>]| {
+        let mut centers = [Vec3::ZERO; LEAF];
+        for (center, record) in centers.iter_mut().zip(records) {
+            *center = record.center();
+        }
+        B::encode(&centers[..records.len()])
+    };
+    blocks.par_extend(records.par_chunks(LEAF).with_min_len(1 << 10).map(block));
+}
+
 /// Runs the same expression on whichever vector `Blocks` holds.
 macro_rules! each_blocks {
     ($blocks:expr, $held:ident => $body:expr) => {
@@ -238,6 +253,21 @@ macro_rules! each_blocks {
 }
 
 impl Blocks {
+    /// None yet, with room for `count`, on huge pages.
+    pub(super) fn with_capacity(packing: Packing, count: usize) -> Self {
+        match packing {
+            Packing::Exact => Self::Exact(pages::with_capacity(count)),
+            Packing::Bits16 => Self::Bits16(pages::with_capacity(count)),
+            Packing::Bits11 => Self::Bits11(pages::with_capacity(count)),
+            Packing::Bits8 => Self::Bits8(pages::with_capacity(count)),
+        }
+    }
+
+    /// Packs sorted records, sixteen a block.
+    pub(super) fn extend<const N: usize>(&mut self, records: &[Record<N>]) {
+        each_blocks!(self, blocks => extend(blocks, records))
+    }
+
     /// The centers of a block.
     #[inline(always)]
     pub(crate) fn centers<S: Simd>(&self, simd: S, block: usize) -> Lanes3<f32x16<S>> {

@@ -2,17 +2,15 @@
 //!
 //! Cuts go along the widest axis and depend on counts alone: a share of a node is a full subtree, but for the last.
 
-use glam::Vec3;
 use rayon::prelude::*;
 
-use super::block::{Block, Blocks, Packing};
+use super::block::{Blocks, Packing};
 use super::sizes::Sizes;
 use super::{Bvh, LEAF, LEVELS, Node, WIDTH, box_slack, packing_error};
 use crate::error::{Error, Result};
 use crate::math::Bounds;
 use crate::progress::Progress;
 use crate::structure::build::{Record, cut, widest};
-use crate::structure::pages;
 
 /// Below this many particles a subtree is sorted by one thread.
 const PARALLEL_COUNT: usize = 1 << 14;
@@ -37,12 +35,8 @@ impl Bvh {
         } else {
             Sizes::Uniform(radius)
         };
-        let blocks = match packing {
-            Packing::Exact => Blocks::Exact(encode(&records)),
-            Packing::Bits16 => Blocks::Bits16(encode(&records)),
-            Packing::Bits11 => Blocks::Bits11(encode(&records)),
-            Packing::Bits8 => Blocks::Bits8(encode(&records)),
-        };
+        let mut blocks = Blocks::with_capacity(packing, records.len().div_ceil(LEAF));
+        blocks.extend(&records);
         let ids: Vec<u32> = records.par_iter().map(|record| record.id).collect();
         if packing == Packing::Exact {
             // Nothing to compare with: their memory is free for the nodes.
@@ -55,7 +49,7 @@ impl Bvh {
     }
 
     /// Puts nodes over leaves.
-    fn over(blocks: Blocks, sizes: Sizes, ids: Vec<u32>) -> Self {
+    pub(super) fn over(blocks: Blocks, sizes: Sizes, ids: Vec<u32>) -> Self {
         let (mut first, mut count) = ([0; LEVELS], [0; LEVELS]);
         count[0] = ids.len().div_ceil(LEAF) as u32;
         let mut boxes: Vec<Bounds> = (0..count[0] as usize)
@@ -89,7 +83,7 @@ impl Bvh {
 }
 
 /// Sorts records so that each full subtree is a run of them.
-fn sort<const N: usize>(records: &mut [Record<N>], progress: &dyn Progress) {
+pub(super) fn sort<const N: usize>(records: &mut [Record<N>], progress: &dyn Progress) {
     if progress.cancelled() {
         return;
     }
@@ -124,16 +118,4 @@ fn cut_shares<const N: usize>(records: &mut [Record<N>], share: usize) {
         cut_shares(left, share);
         cut_shares(right, share);
     }
-}
-
-/// Packs sorted records, sixteen a block.
-fn encode<B: Block, const N: usize>(records: &[Record<N>]) -> Vec<B> {
-    let block = |records: &[Record<N>]| {
-        let mut centers = [Vec3::ZERO; LEAF];
-        for (center, record) in centers.iter_mut().zip(records) {
-            *center = record.center();
-        }
-        B::encode(&centers[..records.len()])
-    };
-    pages::collect(records.par_chunks(LEAF).with_min_len(1 << 10).map(block))
 }

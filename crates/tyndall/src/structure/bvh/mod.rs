@@ -11,6 +11,7 @@ mod build;
 mod packing_error;
 mod rays;
 mod sizes;
+mod stream;
 
 use fearless_simd::{f32x8, f32x16, prelude::*};
 use glam::Vec3;

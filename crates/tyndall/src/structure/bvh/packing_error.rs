@@ -26,7 +26,7 @@ pub struct PackingError {
     /// The spacing of 32-bit floats at the largest coordinate: exact centers differ from those in the file by up to half of it.
     pub float_spacing: f32,
     /// The largest difference of the radial distribution function up to four mean radii, relative to its largest value; none where
-    /// there are too few pairs to tell.
+    /// there are too few pairs to tell, or where the particles were read in parts and never there as a whole.
     pub distribution_largest: Option<f32>,
 }
 
@@ -40,22 +40,10 @@ impl PackingError {
 /// Compares what `bvh` holds with the `records` that it was built from, in the order of its nodes; `radius` is that of all where the
 /// records have none.
 pub(super) fn measure<const N: usize>(records: &[Record<N>], radius: f32, bvh: &Bvh) -> PackingError {
-    let stretches = records.par_chunks(STRETCH).enumerate();
-    let sums: Vec<Sums> =
-        stretches.map(|(at, records)| Sums::of(records, radius, bvh, at * STRETCH)).collect();
-    // One after the other, so that the result does not depend on the threads.
-    let sums = sums.into_iter().fold(Sums::default(), Sums::and);
-    let count = records.len().max(1) as f64;
-    let mean_radius = (sums.radii / count) as f32;
-    let largest = sums.center_largest.into_iter().fold(0.0, f32::max);
-    PackingError {
-        center_largest: sums.center_largest,
-        center_rms: sums.center_squares.map(|sum| (sum / count).sqrt() as f32),
-        radius_largest: sums.radius_largest,
-        mean_radius,
-        float_spacing: sums.coordinate.next_up() - sums.coordinate,
-        distribution_largest: Pairs::of(records, bvh, mean_radius / BINS_A_RADIUS as f32, largest).compare(),
-    }
+    let error = Sums::over(records, radius, 0, |node| bvh.sphere(node)).error(records.len());
+    let largest = error.center_largest.into_iter().fold(0.0, f32::max);
+    let pairs = Pairs::of(records, bvh, error.mean_radius / BINS_A_RADIUS as f32, largest);
+    PackingError { distribution_largest: pairs.compare(), ..error }
 }
 
 /// Particles that one thread compares at a time: whole leaves.
@@ -63,7 +51,7 @@ const STRETCH: usize = 1024 * LEAF;
 
 /// Largest differences and sums over some particles.
 #[derive(Clone, Copy, Default)]
-struct Sums {
+pub(super) struct Sums {
     center_largest: [f32; 3],
     center_squares: [f64; 3],
     radius_largest: f32,
@@ -72,11 +60,42 @@ struct Sums {
 }
 
 impl Sums {
-    /// Over records of which the first is at node `first`.
-    fn of<const N: usize>(records: &[Record<N>], uniform: f32, bvh: &Bvh, first: usize) -> Self {
+    /// Over records of which the first is at node `first`; `held` says what is at a node instead.
+    pub(super) fn over<const N: usize>(
+        records: &[Record<N>],
+        radius: f32,
+        first: usize,
+        held: impl Fn(u32) -> (Vec3, f32) + Sync,
+    ) -> Self {
+        let stretches = records.par_chunks(STRETCH).zip((0..records.len()).into_par_iter().step_by(STRETCH));
+        let sums: Vec<Self> =
+            stretches.map(|(records, at)| Self::of(records, radius, first + at, &held)).collect();
+        // One after the other, so that the result does not depend on the threads.
+        sums.into_iter().fold(Self::default(), Self::and)
+    }
+
+    /// The error of `count` particles, but for what pairs of them tell.
+    pub(super) fn error(self, count: usize) -> PackingError {
+        let count = count.max(1) as f64;
+        PackingError {
+            center_largest: self.center_largest,
+            center_rms: self.center_squares.map(|sum| (sum / count).sqrt() as f32),
+            radius_largest: self.radius_largest,
+            mean_radius: (self.radii / count) as f32,
+            float_spacing: self.coordinate.next_up() - self.coordinate,
+            distribution_largest: None,
+        }
+    }
+
+    fn of<const N: usize>(
+        records: &[Record<N>],
+        uniform: f32,
+        first: usize,
+        held: impl Fn(u32) -> (Vec3, f32),
+    ) -> Self {
         let mut sums = Self::default();
         for (node, record) in (first..).zip(records) {
-            let (center, radius) = bvh.sphere(node as u32);
+            let (center, radius) = held(node as u32);
             let (exact_center, exact_radius) = (record.center(), record.radius(uniform));
             let off = (center - exact_center).abs();
             for axis in 0..3 {
@@ -92,7 +111,7 @@ impl Sums {
         sums
     }
 
-    fn and(self, other: Self) -> Self {
+    pub(super) fn and(self, other: Self) -> Self {
         let axes = [0, 1, 2];
         Self {
             center_largest: axes.map(|axis| self.center_largest[axis].max(other.center_largest[axis])),
