@@ -362,6 +362,9 @@ pub(crate) struct Bench {
     /// Pixels across and down; other than the default compares with nothing
     #[arg(long, value_name = "WxH", default_value = "800x800")]
     pub(crate) size: Size,
+    /// Prints one JSON object
+    #[arg(long)]
+    pub(crate) json: bool,
     #[command(flatten)]
     pub(crate) structure: StructureArgs,
     #[command(flatten)]
