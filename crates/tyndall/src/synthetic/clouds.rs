@@ -37,7 +37,13 @@ fn scalars() -> Vec<Filled> {
 }
 
 /// `radius` is that at the published count, `more` how many times that count there are.
-fn plan(law: impl Law + 'static, size: Vec3, radius: f64, more: f64, attributes: Vec<Filled>) -> Plan<'static> {
+fn plan(
+    law: impl Law + 'static,
+    size: Vec3,
+    radius: f64,
+    more: f64,
+    attributes: Vec<Filled>,
+) -> Plan<'static> {
     let radius = if more > 0.0 { radius / more.cbrt() } else { radius };
     Plan {
         law: Box::new(law),

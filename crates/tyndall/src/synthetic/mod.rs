@@ -89,7 +89,12 @@ impl Synthetic {
     pub fn sample(&self, count: u64, progress: &dyn Progress) -> Result<Particles> {
         let step = self.count.div_ceil(count.max(1)).max(1);
         let law = Box::new(EveryNth { law: &*self.plan.law, step });
-        let plan = Plan { law, radii: self.plan.radii.clone(), attributes: self.plan.attributes.clone(), ..self.plan };
+        let plan = Plan {
+            law,
+            radii: self.plan.radii.clone(),
+            attributes: self.plan.attributes.clone(),
+            ..self.plan
+        };
         make(plan, self.count.div_ceil(step), self.radius, progress)
     }
 }
