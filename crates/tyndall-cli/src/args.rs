@@ -275,15 +275,34 @@ pub(crate) struct Method {
 /// Which structure finds what a ray meets.
 #[derive(Args)]
 pub(crate) struct StructureArgs {
-    /// Structure over the particles; all give the same picture
+    /// Structure over the particles; unless packed, all give the same picture
     #[arg(long, value_name = "NAME", default_value = "bvh")]
     pub(crate) structure: StructureName,
+    /// Bits of a coordinate in a leaf of bvh, less memory for small errors that are measured and told: exact 16 11 8
+    #[arg(long, value_name = "BITS", default_value = "exact")]
+    pub(crate) pack: Pack,
     /// How pkd chooses the axis of a node
     #[arg(long, value_name = "AXIS", default_value = "widest")]
     pub(crate) pkd_axis: PkdAxis,
     /// When pkd tests a node's own particle: before its children, or after the near one
     #[arg(long, value_name = "ORDER", default_value = "node")]
     pub(crate) pkd_order: PkdOrder,
+}
+
+/// How centers are held; 11 has one less for z.
+#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Pack {
+    /// As they are
+    Exact,
+    /// 7 bytes a particle
+    #[value(name = "16")]
+    Bits16,
+    /// 5 bytes a particle
+    #[value(name = "11")]
+    Bits11,
+    /// 4 bytes a particle
+    #[value(name = "8")]
+    Bits8,
 }
 
 /// How particles are seen.
@@ -349,6 +368,9 @@ pub(crate) struct Bench {
     /// Pixels across and down; other than the default compares with nothing
     #[arg(long, value_name = "WxH", default_value = "800x800")]
     pub(crate) size: Size,
+    /// Prints one JSON object
+    #[arg(long)]
+    pub(crate) json: bool,
     #[command(flatten)]
     pub(crate) structure: StructureArgs,
     #[command(flatten)]

@@ -1,94 +1,210 @@
-//! `tyndall bench`: the sets and cameras with which other renderers of spheres were measured, as a Markdown table.
+//! `tyndall bench`: the sets and cameras with which other renderers of spheres were measured, as Markdown tables or JSON.
 //!
 //! 800x800 pixels; the unit cube seen from an oblique direction, z up; orthographic of height 1.8, and perspective of 30 degrees
-//! from 3.5. One sample: median of 5. Sixteen: median of 3. All samples count, also those that meet nothing.
+//! from 3.5. One sample: median of 5. Sixteen: median of 3. All samples count, also those that meet nothing. Pictures are made
+//! again and again in the same memory, as a viewer makes them; one before those that count. `AO` is one ray a sample to the sky, the
+//! default look has one to the key light as well. Single rays are asked of `bvh` and of `pkd` over the same particles.
+
+mod rays;
+mod table;
 
 use std::time::Instant;
 
 use glam::DVec3;
-use tyndall::particles::Particles;
+use serde_json::json;
+use tyndall::math::Ray;
 use tyndall::render::estimate::Work;
-use tyndall::render::{Settings, render};
+use tyndall::render::{Renderer, Settings};
 use tyndall::scene::camera::{Camera, Projection};
 use tyndall::scene::color::ParticleColors;
-use tyndall::scene::light::Lighting;
-use tyndall::scene::{Scene, automatic, grouped};
-use tyndall::structure::Structure;
-use tyndall::{Progress, synthetic};
+use tyndall::scene::light::{KeyLight, Lighting};
+use tyndall::scene::{Scene, automatic};
+use tyndall::structure::{Kind, Structure, pkd};
+use tyndall::{Image, synthetic};
 
 use crate::args;
 use crate::bench_medium;
 use crate::dry_run::check_memory;
-use crate::render::structure;
-use crate::report::{Outcome, Report, bytes};
+use crate::report::{Outcome, Report};
+use crate::structure;
+use table::{Cell, Table};
+
+const PICTURES: [&str; 13] = [
+    "set",
+    "particles",
+    "camera",
+    "build s",
+    "B/particle",
+    "ids B/particle",
+    "peak MiB",
+    "1 sample ms",
+    "16 samples ms",
+    "16 samples Msamples/s",
+    "16 + 1 AO ms",
+    "default look 16 ms",
+    "default look Msamples/s",
+];
+const RAYS: [&str; 9] = [
+    "set",
+    "particles",
+    "camera",
+    "coherent Mrays/s",
+    "pkd coherent Mrays/s",
+    "coherent bvh : pkd",
+    "incoherent Mrays/s",
+    "pkd incoherent Mrays/s",
+    "incoherent bvh : pkd",
+];
 
 /// Measures every set at every count.
 pub(crate) fn run(args: &args::Bench, report: &Report) -> Outcome<()> {
     if args.what == args::BenchWhat::Medium {
         return bench_medium::run(report);
     }
-    report.note(format_args!(
-        "tyndall {}, {} threads",
-        env!("CARGO_PKG_VERSION"),
-        rayon::current_num_threads()
-    ));
-    let mut table = Table::new();
+    let threads = rayon::current_num_threads();
+    report.note(format_args!("tyndall {}, {threads} threads", env!("CARGO_PKG_VERSION")));
+    let mut bench = Bench {
+        args,
+        report,
+        kind: structure::kind(&args.structure)?,
+        pictures: Table::new(&PICTURES),
+        rays: Table::new(&RAYS),
+    };
     for &count in &args.n {
         for set in &args.sets {
-            let specification = format!("{set}?n={count}&seed=1");
-            let size = Settings { width: args.size.width, height: args.size.height, samples: 1, seed: 0 };
-            let work = Work::of_count(count, structure(&args.structure), size);
-            check_memory(&work, work.memory_bytes(), None)?;
-            let particles = synthetic::generate(&specification, report.progress())?;
-            let rows = measure(set, particles, args, report)?;
-            rows.into_iter().for_each(|row| table.add(row));
+            bench.measure(set, count)?;
         }
     }
-    report.out(&table.text())?;
-    match peak_bytes() {
-        Some(peak) => report.out(&format!("\nPeak memory of the process: {}.\n", bytes(peak))),
-        None => Ok(()),
+    if args.json {
+        let tables = json!({ "pictures": bench.pictures.json(), "rays": bench.rays.json() });
+        return report.out(&format!("{tables:#}\n"));
+    }
+    report.out(&bench.pictures.markdown())?;
+    match bench.rays.is_empty() {
+        true => Ok(()),
+        false => report.out(&format!("\n{}", bench.rays.markdown())),
     }
 }
 
-/// Builds once, then renders with each camera and light.
-fn measure(set: &str, particles: Particles, args: &args::Bench, report: &Report) -> Outcome<Vec<Row>> {
-    let (radii, _) = automatic::radii(&particles);
-    let count = particles.len();
-    let start = Instant::now();
-    let structure = Structure::build(structure(&args.structure), particles, &radii, 1.0, report.progress())?;
-    let build_secs = start.elapsed().as_secs_f64();
-    let bytes_per_particle = structure.bytes() as f64 / count.max(1) as f64;
-    let colors = ParticleColors::constant([0.7; 3]);
-    let mut scene = Scene::new(structure, colors, Lighting::Headlight, Some([1.0; 3]));
-    let mut rows = Vec::new();
-    for (name, projection) in PROJECTIONS {
-        let camera = camera(projection);
-        let view = camera.view(scene.structure().origin(), args.size.width, args.size.height)?;
-        let studio = Lighting::studio(view.forward, view.right, view.up);
-        let mut times = [0.0; 3];
-        for (slot, (lighting, samples, runs)) in
-            times.iter_mut().zip([(Lighting::Headlight, 1, 5), (Lighting::Headlight, 16, 3), (studio, 16, 3)])
-        {
-            scene.lighting = lighting;
-            *slot = {
-                let settings =
-                    Settings { width: args.size.width, height: args.size.height, samples, seed: 0 };
-                median_secs(&scene, &camera, &settings, runs, report.progress())?
-            };
+/// What is measured with, and what was found.
+struct Bench<'a> {
+    args: &'a args::Bench,
+    report: &'a Report,
+    kind: Kind,
+    pictures: Table,
+    rays: Table,
+}
+
+/// Which set at which count is seen by which camera.
+type Names = [Cell; 3];
+
+fn names(set: &str, count: usize, camera: &str) -> Names {
+    [Cell::Word(set.into()), Cell::Count(count), Cell::Word(camera.into())]
+}
+
+impl Bench<'_> {
+    /// Builds once and renders with each camera and light; then single rays.
+    fn measure(&mut self, set: &str, count: u64) -> Outcome<()> {
+        let work = Work::of_count(count, self.kind, self.settings(1));
+        check_memory(&work, work.memory_bytes(), None)?;
+        forget_peak();
+        let (structure, build_secs) = self.build(set, count, self.kind)?;
+        let count = structure.len();
+        let each = |bytes: u64| bytes as f64 / count.max(1) as f64;
+        let (held, ids) = (each(structure.bytes()), each(size_of_val(structure.ids()) as u64));
+        let colors = ParticleColors::constant([0.7; 3]);
+        let mut scene = Scene::new(structure, colors, Lighting::Headlight, Some([1.0; 3]));
+        for (name, projection) in PROJECTIONS {
+            let camera = camera(projection);
+            let view =
+                camera.view(scene.structure().origin(), self.args.size.width, self.args.size.height)?;
+            let studio = Lighting::studio(view.forward, view.right, view.up);
+            let headlight = Lighting::Headlight;
+            let lights = [(headlight, 1, 5), (headlight, 16, 3), (sky_only(studio), 16, 3), (studio, 16, 3)];
+            let mut times = [0.0; 4];
+            for (secs, (lighting, samples, runs)) in times.iter_mut().zip(lights) {
+                scene.lighting = lighting;
+                *secs = self.picture_secs(&scene, &camera, samples, runs)?;
+            }
+            let peak = peak_bytes()
+                .map_or(Cell::Unknown, |bytes| Cell::Number(bytes as f64 / f64::from(1 << 20), 0));
+            let million_samples = 16e-6 * f64::from(self.args.size.width) * f64::from(self.args.size.height);
+            let [one, sixteen, sky, look] = times;
+            let number = |(number, decimals)| Cell::Number(number, decimals);
+            let built = [(build_secs, 2), (held, 1), (ids, 1)].map(number);
+            let drawn = [
+                (1e3 * one, 1),
+                (1e3 * sixteen, 1),
+                (million_samples / sixteen, 1),
+                (1e3 * sky, 1),
+                (1e3 * look, 1),
+                (million_samples / look, 1),
+            ];
+            let cells = built.into_iter().chain([peak]).chain(drawn.map(number));
+            self.pictures.add(names(set, count, name).into_iter().chain(cells));
         }
-        let pixels = f64::from(args.size.width) * f64::from(args.size.height);
-        rows.push(Row {
-            set: set.into(),
-            count,
-            camera: name,
-            build_secs,
-            bytes_per_particle,
-            times,
-            pixels,
-        });
+        match self.kind {
+            Kind::Bvh(_) => self.measure_rays(set, scene.into_structure()),
+            Kind::Pkd(_) | Kind::Brute => Ok(()),
+        }
     }
-    Ok(rows)
+
+    /// Asks single rays of `bvh`, and then of a `pkd` over the same particles.
+    fn measure_rays(&mut self, set: &str, bvh: Structure) -> Outcome<()> {
+        let (width, height) = (self.args.size.width, self.args.size.height);
+        let mut sets: Vec<Vec<Ray>> = Vec::new();
+        for (_, projection) in PROJECTIONS {
+            sets.push(rays::coherent(&camera(projection).view(bvh.origin(), width, height)?, width, height));
+        }
+        sets.push(rays::incoherent(bvh.origin()));
+        let rates = |structure: &Structure| -> Vec<f64> {
+            sets.iter().map(|rays| rays::rate(structure, rays)).collect()
+        };
+        let (count, of_bvh) = (bvh.len(), rates(&bvh));
+        drop(bvh);
+        let of_pkd = rates(&self.build(set, count as u64, Kind::Pkd(pkd::Options::default()))?.0);
+        let incoherent = PROJECTIONS.len();
+        for (at, (name, _)) in PROJECTIONS.iter().enumerate() {
+            let both = [at, incoherent].map(|at| {
+                [(of_bvh[at], 2), (of_pkd[at], 2), (of_bvh[at] / of_pkd[at], 1)]
+                    .map(|(number, decimals)| Cell::Number(number, decimals))
+            });
+            self.rays.add(names(set, count, name).into_iter().chain(both.into_iter().flatten()));
+        }
+        Ok(())
+    }
+
+    /// A structure over `count` particles of `set`, and the time to build it.
+    fn build(&self, set: &str, count: u64, kind: Kind) -> Outcome<(Structure, f64)> {
+        let particles = synthetic::generate(&format!("{set}?n={count}&seed=1"), self.report.progress())?;
+        let (radii, _) = automatic::radii(&particles);
+        let start = Instant::now();
+        let structure = Structure::build(kind, particles, &radii, 1.0, self.report.progress())?;
+        Ok((structure, start.elapsed().as_secs_f64()))
+    }
+
+    fn settings(&self, samples: u32) -> Settings {
+        Settings { width: self.args.size.width, height: self.args.size.height, samples, seed: 0 }
+    }
+
+    /// The median time of `runs` pictures in the same memory.
+    fn picture_secs(&self, scene: &Scene, camera: &Camera, samples: u32, runs: usize) -> Outcome<f64> {
+        let mut renderer = Renderer::new(scene, camera, &self.settings(samples))?;
+        let mut image = Image::default();
+        let mut times = Vec::with_capacity(runs + 1);
+        for _ in 0..=runs {
+            let start = Instant::now();
+            renderer.restart(camera)?;
+            while !renderer.is_done() {
+                renderer.pass(self.report.progress())?;
+            }
+            renderer.image_into(&mut image);
+            times.push(start.elapsed().as_secs_f64());
+        }
+        // The first one has to get its memory.
+        times.remove(0);
+        Ok(median(times))
+    }
 }
 
 const PROJECTIONS: [(&str, Projection); 2] = [
@@ -102,94 +218,23 @@ fn camera(projection: Projection) -> Camera {
     Camera { eye, look_at, up: DVec3::Z, projection }
 }
 
-fn median_secs(
-    scene: &Scene,
-    camera: &Camera,
-    settings: &Settings,
-    runs: usize,
-    progress: &dyn Progress,
-) -> Outcome<f64> {
-    let mut times = Vec::with_capacity(runs);
-    for _ in 0..runs {
-        let start = Instant::now();
-        render(scene, camera, settings, progress)?;
-        times.push(start.elapsed().as_secs_f64());
+/// Without the key light.
+fn sky_only(lighting: Lighting) -> Lighting {
+    match lighting {
+        Lighting::Studio(key, sky) => Lighting::Studio(KeyLight { strength: 0.0, ..key }, sky),
+        other => other,
     }
+}
+
+fn median(mut times: Vec<f64>) -> f64 {
     times.sort_by(f64::total_cmp);
-    Ok(times[runs / 2])
+    times[times.len() / 2]
 }
 
-/// One line of the table. Times are those of 1 sample and of 16 by headlight, and of 16 in the default look.
-struct Row {
-    set: String,
-    count: usize,
-    camera: &'static str,
-    build_secs: f64,
-    bytes_per_particle: f64,
-    times: [f64; 3],
-    pixels: f64,
-}
-
-/// Cells, aligned when printed.
-struct Table {
-    rows: Vec<Vec<String>>,
-}
-
-impl Table {
-    fn new() -> Self {
-        let head = [
-            "set",
-            "particles",
-            "camera",
-            "build s",
-            "B/particle",
-            "1 sample ms",
-            "16 samples ms",
-            "Msamples/s",
-            "default look 16 ms",
-            "Msamples/s",
-        ];
-        Self { rows: vec![head.map(String::from).to_vec()] }
-    }
-
-    fn add(&mut self, row: Row) {
-        let million_samples = 16e-6 * row.pixels;
-        let [one, sixteen, look] = row.times;
-        let millis = |secs: f64| format!("{:.1}", 1e3 * secs);
-        let rate = |secs: f64| format!("{:.1}", million_samples / secs);
-        let (build, size) = (format!("{:.2}", row.build_secs), format!("{:.1}", row.bytes_per_particle));
-        let (count, camera) = (grouped(row.count), row.camera.to_string());
-        let times = [millis(one), millis(sixteen), rate(sixteen), millis(look), rate(look)];
-        self.rows.push([row.set, count, camera, build, size].into_iter().chain(times).collect());
-    }
-
-    /// Markdown: words to the left, numbers to the right.
-    fn text(&self) -> String {
-        let columns = self.rows[0].len();
-        let width =
-            |column: usize| self.rows.iter().map(|row| row[column].chars().count()).max().unwrap_or(0);
-        let is_word = |column: usize| column == 0 || column == 2;
-        let mut text = String::new();
-        for (place, row) in self.rows.iter().enumerate() {
-            for (column, cell) in row.iter().enumerate() {
-                let width = width(column);
-                text += &if is_word(column) {
-                    format!("| {cell:<width$} ")
-                } else {
-                    format!("| {cell:>width$} ")
-                };
-            }
-            text += "|\n";
-            if place == 0 {
-                for column in 0..columns {
-                    let end = if is_word(column) { '-' } else { ':' };
-                    text += &format!("|{}{end}", "-".repeat(width(column) + 1));
-                }
-                text += "|\n";
-            }
-        }
-        text
-    }
+/// Lets the most memory be counted anew, where the system does that.
+fn forget_peak() {
+    // Elsewhere the peak is that of all sets so far.
+    let _ = std::fs::write("/proc/self/clear_refs", "5");
 }
 
 /// The most memory that the process has had, where the system tells.

@@ -18,6 +18,7 @@ mod plan;
 mod progress;
 mod render;
 mod report;
+mod structure;
 mod usage;
 mod values;
 

@@ -16,17 +16,17 @@ use tyndall::scene::light::Lighting;
 use tyndall::scene::outline::Outline;
 use tyndall::scene::viewpoint::{Lens, Motion, Viewpoint, too_small, why_unseen};
 use tyndall::scene::{Scene, short};
-use tyndall::structure::{Kind, Packing, Spheres, Structure, pkd};
+use tyndall::structure::{Kind, Spheres, Structure};
 use tyndall::{Error, Image, Source};
 use tyndall_io::write::{self, ImageOptions};
 use tyndall_io::{Parts, Sequence};
 
-use crate::args::{self, LightLook, Mode, PkdAxis, PkdOrder, StructureArgs, StructureName};
+use crate::args::{self, LightLook, Mode};
 use crate::output::Pattern;
 use crate::plan::{self, Picture};
 use crate::report::{Failure, Outcome, Report, counted, seconds};
 use crate::values::{Background, Degrees};
-use crate::{dry_run, input, medium, metadata, progress};
+use crate::{dry_run, input, medium, metadata, progress, structure};
 
 /// Renders what the command line asks for.
 pub(crate) fn run(args: &args::Render, report: &Report) -> Outcome<()> {
@@ -92,7 +92,7 @@ impl<'a> Job<'a> {
             args,
             report,
             settings,
-            structure: structure(&args.method.structure),
+            structure: structure::kind(&args.method.structure)?,
             viewpoint: viewpoint(args)?,
             background: if *alpha { None } else { background },
             pattern: Pattern::new(&args.picture.output),
@@ -235,7 +235,7 @@ impl<'a> Job<'a> {
             None => self.camera(spheres),
         };
         let colors = self.colors(&particles, kept.as_ref())?;
-        let guesses = self.guesses(&conventions, count, &radius_text, &colors, &framing_text);
+        let mut guesses = self.guesses(&conventions, count, &radius_text, &colors, &framing_text);
         if is_first {
             self.report.note(format_args!("tyndall: {}", guesses.join(" · ")));
             let Settings { width, height, .. } = self.settings;
@@ -271,6 +271,17 @@ impl<'a> Job<'a> {
             }
         };
         self.report.detail(format_args!("build: {}", seconds(building.elapsed().as_secs_f64())));
+        if let Some(error) = structure.packing_error() {
+            let text = structure::packing_error(error);
+            if is_first {
+                self.report.note(&text);
+            } else {
+                self.report.detail(&text);
+            }
+            let by_axis = structure::packing_error_by_axis(error);
+            self.report.detail(&by_axis);
+            guesses.extend([text, by_axis]);
+        }
         let mut scene = Scene::new(structure, colors, Lighting::Flat, self.background);
         for (place, picture) in pictures.iter().enumerate() {
             let rendering = Instant::now();
@@ -360,11 +371,7 @@ impl<'a> Job<'a> {
         colors: &ParticleColors,
         framing: &str,
     ) -> Vec<String> {
-        let name = match self.structure {
-            Kind::Bvh(_) => "bvh",
-            Kind::Pkd(_) => "pkd",
-            Kind::Brute => "brute force",
-        };
+        let name = structure::name(self.structure);
         let Settings { width, height, samples, .. } = self.settings;
         let mut guesses = vec![format!("{name}, cpu {} threads", rayon::current_num_threads())];
         guesses.push(counted(count, "particle"));
@@ -394,22 +401,4 @@ pub(crate) fn viewpoint(args: &args::Render) -> Outcome<Viewpoint> {
     let motion = if args.frames.orbit.is_some() { Motion::Orbit } else { Motion::Still };
     let side = camera.view.unwrap_or_default();
     Ok(Viewpoint { eye: camera.eye, look_at: camera.look_at, up: camera.up, side, lens, motion })
-}
-
-/// The structure that the command line names.
-pub(crate) fn structure(args: &StructureArgs) -> Kind {
-    match args.structure {
-        StructureName::Bvh => Kind::Bvh(Packing::Exact),
-        StructureName::Brute => Kind::Brute,
-        StructureName::Pkd => Kind::Pkd(pkd::Options {
-            axis: match args.pkd_axis {
-                PkdAxis::Widest => pkd::Axis::WidestExtent,
-                PkdAxis::RoundRobin => pkd::Axis::RoundRobin,
-            },
-            order: match args.pkd_order {
-                PkdOrder::Node => pkd::Order::NodeFirst,
-                PkdOrder::Near => pkd::Order::NearChildFirst,
-            },
-        }),
-    }
 }

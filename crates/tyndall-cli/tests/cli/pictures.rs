@@ -220,3 +220,25 @@ fn a_bench_prints_a_table() {
     assert_eq!(ran.out.lines().filter(|line| line.starts_with("| packed")).count(), 2, "{ran:?}");
     assert!(ran.out.contains("Msamples/s") && ran.err.is_empty(), "{ran:?}");
 }
+
+#[test]
+fn packing_is_told_with_its_error() {
+    let folder = Folder::new();
+    let said = folder.render("synthetic:packed?n=3e4 -o a.png --pack 11 -v").fine();
+    for part in [
+        "bvh packed 11 bits",
+        "packed: centers off by at most ",
+        " of a radius), g(r) by ",
+        "packing: x, y, z",
+    ] {
+        assert_eq!(said.matches(part).count(), 1, "{part} in {said}");
+    }
+    let texts = png(&folder.path("a.png")).2;
+    assert!(
+        texts.iter().any(|(key, text)| key == "Guesses" && text.contains("packed: centers off by at most "))
+    );
+    let said = folder.render("synthetic:packed?n=3e4 -o b.png --pack exact").fine();
+    assert!(!said.contains("packed:"), "{said}");
+    folder.render("a.xyz -o a.png --pack 16 --structure pkd").fails(2, &["--pack is for --structure bvh"]);
+    folder.render("a.xyz -o a.png --pack 12").fails(2, &["--pack", "12", "exact, 16, 11, 8"]);
+}

@@ -51,6 +51,11 @@ impl Scene {
         &self.structure
     }
 
+    /// Gives back the particles.
+    pub fn into_structure(self) -> Structure {
+        self.structure
+    }
+
     /// The color of the particle at `node`: linear RGB, 0 to 1.
     #[inline(always)]
     pub(crate) fn color(&self, node: u32) -> [f32; 3] {

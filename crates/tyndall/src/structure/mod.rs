@@ -18,7 +18,7 @@ use crate::progress::Progress;
 use crate::source::Source;
 use build::{Record, records};
 
-pub use bvh::{Bvh, Packing};
+pub use bvh::{Bvh, Packing, PackingError};
 pub use pkd::Pkd;
 
 /// The particles as a structure sees them: centers, as offsets from the particles' origin, and radii.
@@ -224,6 +224,14 @@ impl Structure {
     /// The box of all particles, radii included.
     pub fn bounds(&self) -> Bounds {
         each_store!(&self.store, store => store.bounds())
+    }
+
+    /// By how much the centers and radii that this structure holds differ from those of the particles; none where they are exact.
+    pub fn packing_error(&self) -> Option<&PackingError> {
+        match &self.store {
+            Store::Bvh(bvh) => bvh.packing_error(),
+            Store::Pkd(_) | Store::Brute(_) => None,
+        }
     }
 
     /// Memory that centers, radii and nodes take, in bytes; the ids take four more a particle.

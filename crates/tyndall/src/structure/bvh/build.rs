@@ -6,7 +6,7 @@ use rayon::prelude::*;
 
 use super::block::{Blocks, Packing};
 use super::sizes::Sizes;
-use super::{Bvh, LEAF, LEVELS, Node, WIDTH, box_slack};
+use super::{Bvh, LEAF, LEVELS, Node, WIDTH, box_slack, packing_error};
 use crate::error::{Error, Result};
 use crate::math::Bounds;
 use crate::progress::Progress;
@@ -38,8 +38,14 @@ impl Bvh {
         let mut blocks = Blocks::with_capacity(packing, records.len().div_ceil(LEAF));
         blocks.extend(&records);
         let ids: Vec<u32> = records.par_iter().map(|record| record.id).collect();
-        drop(records);
-        Ok(Self::over(blocks, sizes, ids))
+        if packing == Packing::Exact {
+            // Nothing to compare with: their memory is free for the nodes.
+            drop(records);
+            return Ok(Self::over(blocks, sizes, ids));
+        }
+        let bvh = Self::over(blocks, sizes, ids);
+        let packing_error = Some(packing_error::measure(&records, radius, &bvh));
+        Ok(Self { packing_error, ..bvh })
     }
 
     /// Puts nodes over leaves.
@@ -72,7 +78,7 @@ impl Bvh {
         }
         let bounds = boxes.first().copied().unwrap_or(Bounds::EMPTY);
         let slack = box_slack(&bounds);
-        Self { nodes, first, count, top: top as u8, blocks, sizes, ids, slack, bounds }
+        Self { nodes, first, count, top: top as u8, blocks, sizes, ids, slack, bounds, packing_error: None }
     }
 }
 

@@ -3,11 +3,12 @@
 //! Leaf `k` holds the particles `16 k ..`, node `k` of a level the leaves (or the nodes of the level below) `8 k ..`: all are full but
 //! the last, and nothing points to anything. A node is one cache line: the boxes of its children in 8 bits a coordinate, rounded
 //! outward: invariant: a decoded box holds every sphere below it, as its block decodes it.
-//! `build` sorts the particles and writes all this; `block` and `sizes` are what a leaf holds; `rays` walks it with single rays; the
-//! walks of many rays at once stand in `render::cpu`.
+//! `build` sorts the particles and writes all this; `block` and `sizes` are what a leaf holds, `packing_error` what that costs; `rays`
+//! walks it with single rays; the walks of many rays at once stand in `render::cpu`.
 
 mod block;
 mod build;
+mod packing_error;
 mod rays;
 mod sizes;
 mod stream;
@@ -20,6 +21,7 @@ use crate::math::{Bounds, HIT_ROUNDING, Ray};
 use crate::simd::{Lanes3, floats_of_bytes};
 pub use block::Packing;
 use block::{Blocks, power_of_two, step_exponent};
+pub use packing_error::PackingError;
 use sizes::Sizes;
 
 /// Particles in a leaf.
@@ -154,6 +156,7 @@ pub struct Bvh {
     /// By how much boxes are grown against the rounding of decoded coordinates.
     pub(crate) slack: f32,
     bounds: Bounds,
+    packing_error: Option<PackingError>,
 }
 
 impl Bvh {
@@ -210,6 +213,11 @@ impl Bvh {
     /// The box of all particles, radii included.
     pub fn bounds(&self) -> Bounds {
         self.bounds
+    }
+
+    /// What packing cost; none where centers and radii are exact.
+    pub fn packing_error(&self) -> Option<&PackingError> {
+        self.packing_error.as_ref()
     }
 
     /// Memory that it takes in bytes, without the ids.

@@ -13,6 +13,7 @@ use rayon::prelude::*;
 
 use super::block::{Blocks, Packing};
 use super::build::sort;
+use super::packing_error::Sums;
 use super::sizes::Sizes;
 use super::{Bvh, LEAF};
 use crate::error::{Error, Result};
@@ -49,19 +50,27 @@ impl Bvh {
         let window = (at_once as usize / BRICK).max(1);
         let mut blocks = Blocks::with_capacity(packing, (kept as usize).div_ceil(LEAF));
         let mut ids = Vec::with_capacity(kept as usize);
+        let mut sums = Sums::default();
         for first in (0..bricks).step_by(window) {
             for runs in parts.gather(source, &cells, first..(first + window).min(bricks), progress)? {
                 let mut brick = Vec::with_capacity(runs.iter().map(|(_, run)| run.len()).sum());
                 runs.into_iter().for_each(|(_, run)| brick.extend(run));
                 sort(&mut brick, progress);
                 blocks.extend(&brick);
+                if packing != Packing::Exact {
+                    let held =
+                        |node: u32| (blocks.center(node as usize / LEAF, node as usize % LEAF), radius);
+                    sums = sums.and(Sums::over(&brick, radius, ids.len(), held));
+                }
                 ids.par_extend(brick.par_iter().map(|record| record.id));
             }
             if progress.cancelled() {
                 return Err(Error::Interrupted);
             }
         }
-        Ok((Self::over(blocks, Sizes::Uniform(radius), ids), source.len() - kept))
+        let packing_error = (packing != Packing::Exact).then(|| sums.error(ids.len()));
+        let bvh = Self { packing_error, ..Self::over(blocks, Sizes::Uniform(radius), ids) };
+        Ok((bvh, source.len() - kept))
     }
 }
 
@@ -260,6 +269,14 @@ mod tests {
             bvh
         });
         assert!(trees[0].ids() == trees[1].ids(), "what is held at once changes nothing");
+        assert_eq!(trees[0].packing_error(), trees[1].packing_error());
+        let mut centers = Vec::new();
+        points.read(0..count, &mut centers).unwrap();
+        let off = (0..)
+            .zip(trees[0].ids())
+            .map(|(node, &id)| (trees[0].sphere(node).0 - centers[id as usize]).abs());
+        let largest = off.fold(Vec3::ZERO, Vec3::max);
+        assert_eq!(trees[0].packing_error().unwrap().center_largest, largest.to_array());
         let mut ids = trees[0].ids().to_vec();
         ids.par_sort_unstable();
         assert!(ids.into_iter().eq((0..count as u32).filter(|id| id % 1000 != 999)));

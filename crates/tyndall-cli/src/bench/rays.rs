@@ -1,0 +1,48 @@
+//! Single rays, one asked after the other on every thread: how fast a structure answers where no rays go together.
+
+use std::time::Instant;
+
+use rayon::prelude::*;
+use tyndall::math::Ray;
+use tyndall::random::Stream;
+use tyndall::scene::camera::View;
+use tyndall::structure::Structure;
+use tyndall::{DVec3, Vec3};
+
+use super::median;
+
+/// Rays that share nothing, so many.
+const INCOHERENT: u64 = 1 << 18;
+/// Rays that a thread takes at a time, at least.
+const LEAST_SHARE: usize = 256;
+/// How often each set of rays is asked; the median counts.
+const RUNS: usize = 3;
+
+/// The rays through the centers of all pixels, row by row.
+pub(super) fn coherent(view: &View, width: u32, height: u32) -> Vec<Ray> {
+    let row = |y: u32| (0..width).map(move |x| view.ray(x as f32 + 0.5, y as f32 + 0.5));
+    (0..height).flat_map(row).collect()
+}
+
+/// From random points around the unit cube to random points in it, measured from `from`: the law of `benches/embree/spheres.cpp`.
+pub(super) fn incoherent(from: DVec3) -> Vec<Ray> {
+    let ray = |number| {
+        let mut stream = Stream::new(1, number);
+        let origin = Vec3::splat(0.5) + 2.0 * stream.direction() - from.as_vec3();
+        let target = Vec3::new(stream.unit(), stream.unit(), stream.unit()) - from.as_vec3();
+        Ray { origin, direction: (target - origin).normalize(), t_min: 0.0, t_max: f32::INFINITY }
+    };
+    (0..INCOHERENT).map(ray).collect()
+}
+
+/// Rays answered in a microsecond by all threads, so millions in a second.
+pub(super) fn rate(structure: &Structure, rays: &[Ray]) -> f64 {
+    let secs = || {
+        let start = Instant::now();
+        let rays = rays.par_iter().with_min_len(LEAST_SHARE);
+        // What is counted is not wanted, but has to be found.
+        std::hint::black_box(rays.filter(|ray| structure.intersect(ray, None).is_some()).count());
+        start.elapsed().as_secs_f64()
+    };
+    1e-6 * rays.len() as f64 / median((0..RUNS).map(|_| secs()).collect())
+}
