@@ -178,7 +178,11 @@ fn threads_and_structures_do_not_change_a_pixel_but_seeds_do() {
         assert_ne!(one, pixels(different), "{different}");
     }
     let given = pixels("--eye -3,0.5,0.5 --look-at 0.5,0.5,0.5 --up 0,0,1 --ortho 1.5");
-    assert_eq!(given, pixels("--view -x --look-at 0.5,0.5,0.5 --ortho 1.5"));
+    // The eye stands elsewhere along the same line: but for rounding the picture is the same.
+    let differing = |other: &[u8]| given.iter().zip(other).filter(|(a, b)| a != b).count();
+    let framed = pixels("--view -x --look-at 0.5,0.5,0.5 --ortho 1.5");
+    assert!(1000 * differing(&framed) < given.len(), "{} of {}", differing(&framed), given.len());
+    assert!(10 * differing(&one) > given.len(), "another view differs");
 }
 
 #[test]

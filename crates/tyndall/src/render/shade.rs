@@ -2,7 +2,7 @@
 
 use glam::{Vec2, Vec3};
 
-use super::sampling::{Dimension, point};
+use super::sampling::{Dimension, shuffled_point};
 use crate::scene::light::{KeyLight, Sky};
 
 /// Directions toward the light of one sample.
@@ -20,8 +20,8 @@ pub(crate) struct LightSample {
 /// would be noise is the sum of many hard shadows.
 pub(crate) fn light_sample(key: &KeyLight, seed: u32, sample: u32) -> LightSample {
     LightSample {
-        key: in_cone(key.toward, key.angular_radius, point(seed, Dimension::Key, 0, sample).into()),
-        sky: on_sphere(point(seed, Dimension::Sky, 0, sample).into()),
+        key: in_cone(key.toward, key.angular_radius, shuffled_point(seed, Dimension::Key, 0, sample).into()),
+        sky: on_sphere(shuffled_point(seed, Dimension::Sky, 0, sample).into()),
     }
 }
 
