@@ -82,3 +82,56 @@ impl Source for Parts {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// An NPY file of rows of three numbers.
+    fn npy(rows: &[[f64; 3]], shape: &str) -> tempfile::NamedTempFile {
+        let mut header = format!("{{'descr': '<f8', 'fortran_order': False, 'shape': {shape}, }}");
+        header += &" ".repeat(117 - header.len());
+        let mut bytes = b"\x93NUMPY\x01\x00\x76\x00".to_vec();
+        bytes.extend(header.bytes().chain([b'\n']));
+        bytes.extend(rows.iter().flatten().flat_map(|number| number.to_le_bytes()));
+        let file = tempfile::NamedTempFile::new().unwrap();
+        std::fs::write(file.path(), bytes).unwrap();
+        file
+    }
+
+    #[test]
+    fn parts_of_an_array_are_its_rows() {
+        let rows: Vec<[f64; 3]> = (0..1000).map(|k| [1e6 + 0.5 * f64::from(k), 2.0, f64::NAN]).collect();
+        let file = npy(&rows, "(1000, 3)");
+        let parts = Parts::of_npy(file.path()).unwrap().unwrap();
+        assert_eq!(parts.len(), 1000);
+        let mut read = vec![Vec3::ZERO];
+        parts.read(300..700, &mut read).unwrap();
+        assert_eq!(read.len(), 400);
+        for (center, row) in read.iter().zip(&rows[300..]) {
+            assert_eq!(f64::from(center.x) + parts.origin().x, row[0]);
+            assert!(center.z.is_nan());
+        }
+        assert_eq!(parts.sample(&()).unwrap().dropped().position, 1000, "none of them is finite");
+    }
+
+    #[test]
+    fn what_is_no_array_of_positions_has_no_parts_and_what_is_cut_short_fails() {
+        let rows = [[0.0; 3]; 4];
+        assert!(Parts::of_npy(npy(&rows, "(3, 4)").path()).unwrap().is_none());
+        assert!(Parts::of_npy(npy(&rows, "(5, 3)").path()).is_err());
+        assert!(Parts::of_npy(npy(&rows, "(1000000000000, 3)").path()).is_err());
+        assert_eq!(Parts::of_npy(npy(&[], "(0, 3)").path()).unwrap().unwrap().len(), 0);
+    }
+
+    #[test]
+    fn parts_of_a_procedural_source_are_its_particles() {
+        let whole = tyndall::synthetic::generate("clustered?n=5000&seed=3", &()).unwrap();
+        let parts = Parts::of_synthetic("clustered?n=5000&seed=3").unwrap();
+        let mut read = Vec::new();
+        parts.read(1000..5000, &mut read).unwrap();
+        for (center, id) in read.iter().zip(1000..) {
+            assert_eq!(parts.origin() + center.as_dvec3(), whole.positions().world(id));
+        }
+    }
+}

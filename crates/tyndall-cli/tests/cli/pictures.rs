@@ -186,6 +186,25 @@ fn threads_and_structures_do_not_change_a_pixel_but_seeds_do() {
 }
 
 #[test]
+fn what_does_not_fit_the_memory_is_read_in_parts_and_looks_the_same() {
+    let folder = Folder::new();
+    let rendered = |words: &str| {
+        let ran = folder.render(&format!("synthetic:packed?n=1e6 -o a.png {words}"));
+        (png(&folder.path("a.png")).0, ran)
+    };
+    let (whole, told) = rendered("");
+    assert!(!told.err.contains("in parts"), "{told:?}");
+    // 39 bytes a particle would do for the whole, 38 for parts.
+    let (parts, told) = rendered("--memory 38900000");
+    assert!(told.err.contains("read in parts"), "{told:?}");
+    assert!(whole == parts, "the same picture");
+    let render = |words: &str| folder.render(&format!("synthetic:nozzle?n=1e6 -o b.png {words}"));
+    render("--memory 10M").fails(4, &["needs", "10.0 MiB are available"]);
+    render("--memory 38900000").fails(2, &["--color", "one for all"]);
+    render("--memory many").fails(2, &["--memory", "16G"]);
+}
+
+#[test]
 fn a_dry_run_tells_the_cost_and_writes_nothing() {
     let folder = Folder::new();
     folder.file("a.xyz", line_of(50).repeat(3));
