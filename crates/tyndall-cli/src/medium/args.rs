@@ -55,7 +55,7 @@ pub(crate) struct Medium {
     /// Photons to emit
     #[arg(long, value_name = "N", default_value = "1e6", value_parser = count)]
     pub(crate) photons: u64,
-    /// How photons find their next scattering: exact, delta; homogeneous and scaled[:FACTOR] are wrong, for comparison
+    /// How photons find their next scattering: exact, delta; homogeneous, scaled and scaled:FACTOR are wrong, for comparison
     #[arg(long, value_name = "NAME", default_value = "delta")]
     pub(crate) free_path: FreePath,
     /// Around each sample of the cache photons count within this radius; auto, R, or N@R for the nearest N within R
