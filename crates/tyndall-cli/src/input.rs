@@ -54,3 +54,20 @@ pub(crate) fn read(sequence: &Sequence, number: usize, input: &Input, report: &R
     }
     Ok(frame)
 }
+
+/// Says how many of `all` particles that were read in parts are not finite, or refuses them.
+pub(crate) fn tell_dropped(dropped: u64, all: u64, input: &Input, report: &Report) -> Outcome<()> {
+    if dropped == 0 {
+        return Ok(());
+    }
+    let what =
+        format!("{} of {} particles (NaN positions)", grouped(dropped as usize), grouped(all as usize));
+    if input.on_bad == OnBad::Error {
+        let path = input.files.first().cloned().unwrap_or_default();
+        return Err(
+            Error::format(path, "", format!("cannot draw {what}"), "--on-bad drop leaves them out").into()
+        );
+    }
+    report.warn(&format!("dropped {what}; --on-bad error to stop"));
+    Ok(())
+}

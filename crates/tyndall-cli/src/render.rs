@@ -147,7 +147,10 @@ impl<'a> Job<'a> {
             return Err(Error::setting("--color", &colors.description, allowed).into());
         }
         let radius = radius * self.args.look.radius_scale;
-        Ok(Structure::stream(parts, parts.origin(), radius, packing, self.report.progress())?)
+        let (structure, dropped) =
+            Structure::stream(parts, parts.origin(), radius, packing, self.report.progress())?;
+        input::tell_dropped(dropped, parts.len(), &self.args.input, self.report)?;
+        Ok((structure, dropped))
     }
 
     /// Makes the pictures frame by frame, and counts what failed.

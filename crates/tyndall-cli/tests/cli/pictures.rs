@@ -202,6 +202,21 @@ fn what_does_not_fit_the_memory_is_read_in_parts_and_looks_the_same() {
     render("--memory 10M").fails(4, &["needs", "10.0 MiB are available"]);
     render("--memory 38900000").fails(2, &["--color", "one for all"]);
     render("--memory many").fails(2, &["--memory", "16G"]);
+
+    // What is dropped is told in parts as well.
+    let mut header = "{'descr': '<f4', 'fortran_order': False, 'shape': (1000000, 3), }".to_string();
+    header += &" ".repeat(117 - header.len());
+    let mut array = b"\x93NUMPY\x01\x00\x76\x00".to_vec();
+    array.extend(header.bytes().chain([b'\n']));
+    let row = |k: u32| [if k == 999_999 { f32::NAN } else { k as f32 }, (k % 1000) as f32, (k % 77) as f32];
+    array.extend((0..1_000_000).flat_map(row).flat_map(f32::to_le_bytes));
+    folder.file("a.npy", array);
+    let render =
+        |words: &str| folder.render(&format!("a.npy --radius 500 -o c.png --memory 38900000 {words}"));
+    let told = render("");
+    assert_eq!(told.code, 0, "{told:?}");
+    assert!(told.err.contains("dropped 1 of 1,000,000 particles (NaN positions)"), "{told:?}");
+    render("--on-bad error").fails(3, &["cannot draw 1 of 1,000,000 particles"]);
 }
 
 #[test]
