@@ -11,11 +11,13 @@ mod field;
 pub mod free_path;
 pub mod gather;
 mod harmonics;
+mod lit;
 pub mod march;
 pub mod photons;
 pub mod reference;
 mod regular;
 pub mod show;
+mod space;
 mod sweep;
 #[cfg(test)]
 mod tests;

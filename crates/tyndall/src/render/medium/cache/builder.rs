@@ -231,26 +231,10 @@ impl<'a> Builder<'a> {
         self.ordinates.iter().zip(inflow).map(ordinate).collect()
     }
 
-    /// Interleaves the fields. Where scattering is isotropic, distant lights go into the smooth field, which then is as fine as theirs.
-    pub(super) fn finish(self, mut direct: Vec<Direct>, mut fields: Vec<Vec<Field>>) -> Cache {
+    /// Interleaves the fields, and lights the density's bricks where that can be done once for all views.
+    pub(super) fn finish(self, direct: Vec<Direct>, fields: Vec<Vec<Field>>) -> Cache {
         let optics = self.medium.optics();
-        let mut lattice = self.lattices[0];
-        let is_merged = |direct: &Direct| self.order == 0 && matches!(direct.light, Light::Directional(_));
-        if direct.iter().any(is_merged) {
-            lattice = self.density.lattice;
-            for (fields, channel) in fields.iter_mut().zip(self.channels.solved()) {
-                let mut merged = fields[0].interpolated(lattice);
-                let isotropic = harmonics::evaluate(Vec3::Z)[0];
-                for direct in direct.iter().filter(|it| is_merged(it)) {
-                    let irradiance = isotropic * direct.light.toward(Vec3::ZERO, [0.5; 2]).light[channel];
-                    let first = channel.min(direct.channels - 1);
-                    let of_channel = direct.transmittance[first..].iter().step_by(direct.channels);
-                    merged.values.iter_mut().zip(of_channel).for_each(|(sum, it)| *sum += irradiance * it);
-                }
-                fields[0] = merged;
-            }
-            direct.retain(|it| !is_merged(it));
-        }
+        let lattice = self.lattices[0];
         let columns: Vec<&[f32]> = (0..count(self.order))
             .flat_map(|number| fields.iter().map(move |of_channel| &of_channel[number].values[..]))
             .collect();
@@ -260,15 +244,23 @@ impl<'a> Builder<'a> {
                 values.iter_mut().zip(&columns).for_each(|(value, column)| *value = column[place]);
             },
         );
-        Cache {
+        let (far, near) = direct.into_iter().partition(|it| matches!(it.light, Light::Directional(_)));
+        let mut cache = Cache {
             albedo: Vec3::from(optics.albedo),
             phase: optics.phase,
-            direct,
+            far,
+            near,
             lattice,
             smooth,
             order: self.order,
             channels: self.channels,
+            lit: None,
+        };
+        if self.order == 0 {
+            cache.lit = Some(cache.lit(self.medium, None));
+            cache.far = Vec::new();
         }
+        cache
     }
 }
 
