@@ -118,7 +118,9 @@ pub(crate) fn exp_minus(x: f32) -> f32 {
     let shifted = power + ROUNDS;
     let rest = power - (shifted - ROUNDS);
     let mut sum = 1.540_353_e-4;
-    for coefficient in [1.333_355_8e-3, 9.618_129e-3, 5.550_410_9e-2, 0.240_226_5, std::f32::consts::LN_2, 1.0] {
+    for coefficient in
+        [1.333_355_8e-3, 9.618_129e-3, 5.550_410_9e-2, 0.240_226_5, std::f32::consts::LN_2, 1.0]
+    {
         sum = sum * rest + coefficient;
     }
     let scaled = f32::from_bits(sum.to_bits().wrapping_add(shifted.to_bits() << 23));
@@ -127,7 +129,6 @@ pub(crate) fn exp_minus(x: f32) -> f32 {
 
 /// Added to a number below 2^22 and subtracted again, it leaves the nearest whole number, whose bits are the sum's last.
 const ROUNDS: f32 = 12_582_912.0;
-
 
 #[cfg(test)]
 mod tests {

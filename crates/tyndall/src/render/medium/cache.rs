@@ -45,8 +45,9 @@ pub enum Multiple {
     /// By sweeps: without noise.
     #[default]
     Sweeps,
-    /// From photons.
-    Photons(photons::Settings, Radius),
+    /// From photons, gathered within a radius; the mean of so many passes, each with photons of its own and a smaller radius than the
+    /// one before, at least 1.
+    Photons(photons::Settings, Radius, u32),
     /// Not at all: light is scattered once.
     None,
 }
@@ -214,9 +215,7 @@ impl Cache {
                 let [sum] = interpolate::<1>(&self.lattice, &self.smooth, number, weights, at);
                 sum * color
             }
-            Channels::Three => {
-                Vec3::from(interpolate::<3>(&self.lattice, &self.smooth, number, weights, at))
-            }
+            Channels::Three => Vec3::from(interpolate::<3>(&self.lattice, &self.smooth, number, weights, at)),
         }
     }
 }

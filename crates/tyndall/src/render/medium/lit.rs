@@ -16,7 +16,12 @@ use crate::medium::grid::{BRICK, EDGE, STORED};
 
 /// Light of one color, or of three.
 pub(super) trait Spectrum:
-    Copy + Send + Sync + std::ops::Add<Output = Self> + std::ops::Mul<Output = Self> + std::ops::Mul<f32, Output = Self>
+    Copy
+    + Send
+    + Sync
+    + std::ops::Add<Output = Self>
+    + std::ops::Mul<Output = Self>
+    + std::ops::Mul<f32, Output = Self>
 {
     /// Density and light of a sample.
     type Sample: Copy + Default + Send + Sync;
@@ -40,6 +45,18 @@ pub(super) trait Spectrum:
 
 /// Beyond the first sample of a cell, the last one.
 const CELL_END: usize = EDGE * EDGE + EDGE + 2;
+
+/// Two neighbors along x.
+#[inline(always)]
+fn pair(samples: &[[f32; 2]], at: usize) -> Vec4 {
+    let [[a, b], [c, d]] = [samples[at], samples[at + 1]];
+    Vec4::new(a, b, c, d)
+}
+
+#[inline(always)]
+fn mixed(a: Vec4, b: Vec4, share: f32) -> Vec4 {
+    a + share * (b - a)
+}
 
 impl Spectrum for f32 {
     type Sample = [f32; 2];
@@ -82,17 +99,10 @@ impl Spectrum for f32 {
     #[inline(always)]
     fn interpolate(samples: &[Self::Sample], fraction: Vec3A) -> (f32, Self) {
         let samples = &samples[..CELL_END];
-        let row = |at: usize| {
-            let [[a, b], [c, d]] = [samples[at], samples[at + 1]];
-            Vec4::new(a, b, c, d)
-        };
-        let low = row(0);
-        let low = low + fraction.z * (row(EDGE * EDGE) - low);
-        let high = row(EDGE);
-        let high = high + fraction.z * (row(EDGE * EDGE + EDGE) - high);
-        let both = low + fraction.y * (high - low);
-        let (near, far) = (both.xy(), both.zw());
-        let found = near + fraction.x * (far - near);
+        let low = mixed(pair(samples, 0), pair(samples, EDGE * EDGE), fraction.z);
+        let high = mixed(pair(samples, EDGE), pair(samples, EDGE * EDGE + EDGE), fraction.z);
+        let both = mixed(low, high, fraction.y);
+        let found = both + fraction.x * (both.zwzw() - both);
         (found.x, found.y)
     }
 }
@@ -137,14 +147,13 @@ impl Spectrum for Vec3 {
 
     #[inline(always)]
     fn interpolate(samples: &[Self::Sample], fraction: Vec3A) -> (f32, Self) {
-        let samples = &samples[..CELL_END];
-        let row = |at: usize| samples[at] + fraction.x * (samples[at + 1] - samples[at]);
-        let plane = |at: usize| {
-            let low = row(at);
-            low + fraction.y * (row(at + EDGE) - low)
-        };
-        let low = plane(0);
-        let found = low + fraction.z * (plane(EDGE * EDGE) - low);
+        let s = &samples[..CELL_END];
+        let mut sides = [Vec4::ZERO; 2];
+        for (side, at) in sides.iter_mut().zip([0, EDGE * EDGE]) {
+            let low = mixed(s[at], s[at + 1], fraction.x);
+            *side = mixed(low, mixed(s[at + EDGE], s[at + EDGE + 1], fraction.x), fraction.y);
+        }
+        let found = mixed(sides[0], sides[1], fraction.z);
         (found.w, found.xyz())
     }
 }
@@ -196,9 +205,12 @@ impl<L: Spectrum> LitBricks<L> {
     #[inline(always)]
     pub(super) fn at(&self, place: Vec3A) -> (f32, L) {
         let inside = place.cmpge(Vec3A::splat(-0.5)).all() && place.cmple(self.last + 0.5).all();
-        match inside.then(|| self.space.entry(place.max(Vec3A::ZERO).min(self.last))) {
-            Some(Ok(brick)) => self.look_up(brick, place),
-            _ => (0.0, L::splat(0.0)),
+        if !inside {
+            return (0.0, L::splat(0.0));
+        }
+        match self.space.entry(place.max(Vec3A::ZERO).min(self.last)) {
+            Ok(brick) => self.look_up(brick, place),
+            Err(_) => (0.0, L::splat(0.0)),
         }
     }
 }

@@ -236,11 +236,12 @@ impl<'a> March<'a> {
     ) -> Walk<L> {
         let grid = self.medium.density();
         let extinction = L::of(Vec3::from(self.medium.optics().extinction), walk.channel) * self.step();
-        self.steps(ray, start, |path, distance, brick| {
-            let t = path.enter + distance;
+        let Some(mut crossing) = self.crossing(ray, start) else { return walk };
+        while let Some((distance, brick)) = crossing.next(&self.space) {
+            let t = crossing.path.enter + distance;
             let (density, light, at) = match self.noise {
                 None => {
-                    let (density, light) = bricks.look_up(brick, path.at(distance));
+                    let (density, light) = bricks.look_up(brick, crossing.path.at(distance));
                     (density, light, ray.origin + t * ray.direction)
                 }
                 Some(noise) => {
@@ -249,16 +250,17 @@ impl<'a> March<'a> {
                     (factor * density, light, at)
                 }
             };
-            if density <= 0.0 {
-                return true;
+            if density > 0.0 {
+                let light = match cache.has_near() {
+                    false => light,
+                    true => light + L::of(cache.near(at, ray.direction), walk.channel),
+                };
+                walk.step(extinction * density, light, t);
+                if walk.is_dark() {
+                    break;
+                }
             }
-            let light = match cache.has_near() {
-                false => light,
-                true => light + L::of(cache.near(at, ray.direction), walk.channel),
-            };
-            walk.step(extinction * density, light, t);
-            !walk.is_dark()
-        });
+        }
         walk
     }
 
@@ -266,42 +268,56 @@ impl<'a> March<'a> {
     fn brute(&self, ray: &Ray, start: f32, brute: &BruteForce, mut stream: Stream) -> Walk<Vec3> {
         let mut walk = Walk::new(0);
         let extinction = Vec3::from(self.medium.optics().extinction) * self.step();
-        self.steps(ray, start, |path, distance, _| {
-            let t = path.enter + distance;
+        let Some(mut crossing) = self.crossing(ray, start) else { return walk };
+        while let Some((distance, _)) = crossing.next(&self.space) {
+            let t = crossing.path.enter + distance;
             let at = ray.origin + t * ray.direction;
             let (at, factor) = self.noise.map_or((at, 1.0), |noise| noise.disperse(at));
             let density = factor * self.medium.density().density(at);
             if density > 0.0 {
                 walk.step(extinction * density, brute.scattered(at, ray.direction, &mut stream), t);
+                if walk.is_dark() {
+                    break;
+                }
             }
-            !walk.is_dark()
-        });
+        }
         walk
     }
 
-    /// Visits the steps along a ray that are not known to be empty, each with its distance along the path and the number of its
-    /// brick, until the visitor has seen enough.
+    /// The steps along a ray; `None` if it misses the medium.
     #[inline(always)]
-    fn steps(&self, ray: &Ray, start: f32, mut visit: impl FnMut(&Path, f32, usize) -> bool) {
-        let Some(path) = Path::within(&self.bounds, self.medium.density(), ray) else { return };
-        let step = self.step();
-        let mut number = 0.0_f32;
+    fn crossing(&self, ray: &Ray, start: f32) -> Option<Crossing> {
+        let path = Path::within(&self.bounds, self.medium.density(), ray)?;
+        Some(Crossing { path, step: self.step(), start, number: 0.0 })
+    }
+}
+
+/// The steps along a path that are not known to be empty.
+struct Crossing {
+    path: Path,
+    step: f32,
+    /// Where on a step its point lies.
+    start: f32,
+    /// Steps that are done or crossed.
+    number: f32,
+}
+
+impl Crossing {
+    /// The next step: its distance along the path, and the number of its brick.
+    #[inline(always)]
+    fn next(&mut self, space: &Space) -> Option<(f32, usize)> {
         loop {
-            let distance = (number + start) * step;
-            if distance >= path.length {
-                return;
+            let distance = (self.number + self.start) * self.step;
+            if distance >= self.path.length {
+                return None;
             }
-            number += 1.0;
-            let place = path.at(distance);
-            match self.space.entry(place) {
-                Ok(brick) => {
-                    if !visit(&path, distance, brick) {
-                        return;
-                    }
-                }
+            self.number += 1.0;
+            let place = self.path.at(distance);
+            match space.entry(place) {
+                Ok(brick) => return Some((distance, brick)),
                 Err(away) => {
-                    let end = self.space.leave(&path, place, away);
-                    number = number.max((end / step - start).ceil());
+                    let end = space.leave(&self.path, place, away);
+                    self.number = self.number.max((end / self.step - self.start).ceil());
                 }
             }
         }

@@ -3,6 +3,7 @@
 //! The road: [`photons`] or the sweeps of the [`cache`] light the medium, [`march`] makes the picture; [`brute`] does without the
 //! cache and [`mod@reference`] without any of it. [`picture`] is the last step of all.
 
+mod balls;
 pub mod brute;
 pub mod cache;
 mod columns;

@@ -16,6 +16,8 @@ pub(super) struct Space {
     size: [usize; 3],
     /// Bricks beyond the grid, on each side.
     margin: i32,
+    /// The last brick along x, y, z, counted from the first one of the margin.
+    last: Vec3A,
     /// The number of a filled brick, or minus the distance of the next one.
     entries: Vec<i32>,
 }
@@ -58,7 +60,8 @@ impl Space {
                 filled += 1;
             }
         }
-        let mut space = Self { size, margin, entries };
+        let last = Vec3A::from(size.map(|count| (count - 1) as f32));
+        let mut space = Self { size, margin, last, entries };
         space.measure();
         space
     }
@@ -100,11 +103,11 @@ impl Space {
     /// count.
     #[inline(always)]
     pub(super) fn entry(&self, place: Vec3A) -> Result<usize, f32> {
-        let last = Vec3A::from(self.size.map(|it| (it - 1) as f32));
         let brick = (place * (1.0 / BRICK as f32)).floor() + self.margin as f32;
-        let brick = brick.max(Vec3A::ZERO).min(last);
-        let [x, y, z] = brick.to_array().map(|it| it as i32 as usize);
-        let entry = self.entries[(z * self.size[1] + y) * self.size[0] + x];
+        let brick = brick.max(Vec3A::ZERO).min(self.last);
+        let (x, y, z) = (brick.x as i32, brick.y as i32, brick.z as i32);
+        let [width, height, _] = self.size;
+        let entry = self.entries[(z as usize * height + y as usize) * width + x as usize];
         if entry >= 0 { Ok(entry as usize) } else { Err(-entry as f32) }
     }
 
