@@ -43,6 +43,20 @@ const PROBES: usize = 1024;
 /// cut off from small ones as soon as they differ by more than the region they share is wide, so that a large particle
 /// inflates boxes of its own size only.
 pub(super) fn widest<const N: usize>(records: &[Record<N>]) -> usize {
+    let [min, max] = extremes(records);
+    let extent = |axis: usize| max[axis] - min[axis];
+    (1..N).fold(0, |best, axis| if extent(axis) > extent(best) { axis } else { best })
+}
+
+/// The middle of the widest coordinate, from a sample of the records, and which coordinate that is.
+pub(super) fn middle<const N: usize>(records: &[Record<N>]) -> (usize, f32) {
+    let [min, max] = extremes(records);
+    let axis = widest(records);
+    (axis, 0.5 * min[axis] + 0.5 * max[axis])
+}
+
+/// The least and greatest coordinates of a sample of the records.
+fn extremes<const N: usize>(records: &[Record<N>]) -> [[f32; N]; 2] {
     let mut min = [f32::INFINITY; N];
     let mut max = [f32::NEG_INFINITY; N];
     for record in records.iter().step_by(records.len().div_ceil(PROBES)) {
@@ -51,8 +65,7 @@ pub(super) fn widest<const N: usize>(records: &[Record<N>]) -> usize {
             max[axis] = max[axis].max(record.coordinates[axis]);
         }
     }
-    let extent = |axis: usize| max[axis] - min[axis];
-    (1..N).fold(0, |best, axis| if extent(axis) > extent(best) { axis } else { best })
+    [min, max]
 }
 
 /// Moves the `left_count` records that are smallest along `axis` to the front; equal ones in order of their ids, so that the
