@@ -76,6 +76,7 @@ pub(in crate::structure) fn reorder<const N: usize>(records: &mut [Record<N>]) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::structure::pkd::Axis;
 
     #[test]
     fn left_subtrees_are_balanced_and_filled_from_the_left() {
@@ -102,6 +103,46 @@ mod tests {
             places(0, 0, count, &mut expected);
             let found: Vec<usize> = (0..count).map(|node| place_in_order(node, count)).collect();
             assert_eq!(found, expected, "{count} particles");
+        }
+    }
+
+    /// Checks what is below `node` and collects its coordinates along every axis.
+    fn visit(records: &[Record<3>], node: usize, centers: Bounds, depth: u32, options: Options) -> Bounds {
+        if node >= records.len() {
+            return Bounds::EMPTY;
+        }
+        let axis = options.axis(&centers, depth);
+        let split = records[node].coordinates[axis];
+        let (mut left_centers, mut right_centers) = (centers, centers);
+        left_centers.max[axis] = split;
+        right_centers.min[axis] = split;
+        let left = visit(records, 2 * node + 1, left_centers, depth + 1, options);
+        let right = visit(records, 2 * node + 2, right_centers, depth + 1, options);
+        assert!(left.is_empty() || left.max[axis] <= split, "node {node} of {}", records.len());
+        assert!(right.is_empty() || right.min[axis] >= split, "node {node} of {}", records.len());
+        left.union(right).with(records[node].center())
+    }
+
+    #[test]
+    fn a_heap_lies_left_and_right_of_each_of_its_nodes() {
+        for axis in [Axis::WidestExtent, Axis::RoundRobin] {
+            for count in [1, 2, 3, 7, 8, 100, 1024, 4095] {
+                let options = Options { axis, ..Options::default() };
+                // Of the same coordinates there are several.
+                let at = |id: usize, step: f32| (16.0 * (id as f32 * step).fract()).floor();
+                let record = |id: usize| Record {
+                    coordinates: [at(id, 0.754_877), 2.0 * at(id, 0.569_84), at(id, 0.618_034)],
+                    id: id as u32,
+                };
+                let mut records: Vec<Record<3>> = (0..count).map(record).collect();
+                let centers = records.iter().fold(Bounds::EMPTY, |bounds, it| bounds.with(it.center()));
+                sort(&mut records, centers, 0, options, &());
+                reorder(&mut records);
+                assert_eq!(visit(&records, 0, centers, 0, options), centers);
+                let mut ids: Vec<u32> = records.iter().map(|record| record.id).collect();
+                ids.sort_unstable();
+                assert!(ids.into_iter().eq(0..count as u32), "{count} particles");
+            }
         }
     }
 }

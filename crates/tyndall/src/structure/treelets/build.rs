@@ -11,7 +11,7 @@ use crate::error::{Error, Result};
 use crate::math::Bounds;
 use crate::progress::Progress;
 use crate::structure::box_slack;
-use crate::structure::build::{Record, cut, middle, widest};
+use crate::structure::build::{PROBES, Record, cut, middle, widest};
 use crate::structure::bvh::Node;
 use crate::structure::heap::{self, Columns, Heap};
 
@@ -115,7 +115,8 @@ impl Builder<'_> {
 
     /// Whether a run is short enough, and its radii do not differ by more than its centers lie apart.
     fn is_treelet<const N: usize>(&self, records: &[Record<N>]) -> bool {
-        records.len() <= LEAST.min(self.size) || (records.len() <= self.size && widest(records) < 3)
+        let of_similar_radii = || N == 3 || widest(records, records.len()) < 3;
+        records.len() <= LEAST.min(self.size) || (records.len() <= self.size && of_similar_radii())
     }
 
     /// Makes a heap of a run.
@@ -154,7 +155,9 @@ impl Builder<'_> {
     fn cut<const N: usize>(&self, records: &mut [Record<N>], depth: u32) -> usize {
         let is_short = records.len() <= self.size;
         if (self.options.cut == Cut::Middle || is_short) && depth < MIDDLE_LEVELS {
-            let (axis, middle) = middle(records);
+            // One large particle must not be overlooked in what could be a treelet.
+            let probes = if is_short { records.len() } else { PROBES };
+            let (axis, middle) = middle(records, probes);
             let mut left_count = 0;
             for place in 0..records.len() {
                 if records[place].coordinates[axis] < middle {
@@ -177,7 +180,7 @@ impl Builder<'_> {
                 records.len().div_ceil(share).div_ceil(2) * share
             }
         };
-        let axis = widest(records);
+        let axis = widest(records, PROBES);
         cut(records, axis, left_count);
         left_count
     }
