@@ -75,8 +75,9 @@ impl Work {
             Kind::Bvh(Packing::Bits11) => 7,
             Kind::Bvh(Packing::Bits8) => 6,
             // A box of 32 bytes, and a share of a node of 100, each treelet; cuts through the middle leave treelets half full.
-            Kind::Treelets(options) => 12 + 4 + 100_u64.div_ceil(u64::from(options.size.max(1))),
-            Kind::Pkd(_) | Kind::Brute => 16,
+            Kind::Treelets(options) => 13 + 4 + 100_u64.div_ceil(u64::from(options.size.max(1))),
+            Kind::Pkd(_) => 17,
+            Kind::Brute => 16,
         };
         ID_BYTES + bytes
     }

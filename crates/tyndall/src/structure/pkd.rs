@@ -36,12 +36,9 @@ impl Pkd {
             return Err(Error::Interrupted);
         }
         let place = |node| heap::place_in_order(node, records.len());
-        Ok(Self {
-            columns: Columns::gather(&records, radius, place),
-            slack: box_slack(&heap.centers.grown(heap.radius)),
-            heap,
-            options,
-        })
+        let mut columns = Columns::gather(&records, radius, place);
+        columns.note_axes(&heap, records.len(), options);
+        Ok(Self { columns, slack: box_slack(&heap.centers.grown(heap.radius)), heap, options })
     }
 
     /// See [`super::Structure::intersect`].
@@ -58,7 +55,8 @@ impl Pkd {
         let mut stack = Stack::default();
         let heap = (&self.heap, self.ids().len());
         let (columns, slack, options) = (&self.columns, self.slack, self.options);
-        dispatch!(Level::new(), simd => heap::walk(simd, columns, heap, slack, options, &mut search, &mut stack));
+        let order = options.order;
+        dispatch!(Level::new(), simd => heap::walk(simd, columns, heap, slack, order, &mut search, &mut stack));
         search.found()
     }
 

@@ -1,9 +1,9 @@
 //! Left-balanced heaps: k-d trees over runs of particles that have no nodes beside them.
 //!
 //! In a heap of `count` particles, node `n` has children `2n + 1` and `2n + 2` where these are below `count`. Invariant: along a node's
-//! axis no center in its left subtree lies above its own, none in its right subtree below. The axis is not stored: it follows from
-//! the box that the cuts above leave to the node (its widest extent), or from the node's depth (round robin). Coordinates keep all
-//! their bits. `build` sorts particles so, `walk` goes through them with single rays. One heap over all particles is the P-k-d tree
+//! axis no center in its left subtree lies above its own, none in its right subtree below. The axis follows from the box that the cuts
+//! above leave to the node (its widest extent), or from the node's depth (round robin). Coordinates keep all their bits: axes are kept
+//! beside them, but of no node in the lowest four levels, which are tried at once: less than a byte for eight particles. `build` sorts particles so, `walk` goes through them with single rays. One heap over all particles is the P-k-d tree
 //! of Wald, Knoll, Johnson, Usher, Pascucci, Papka 2015, CPU Ray Tracing Large Particle Data with Balanced P-k-d Trees; many small
 //! ones are the treelets of Gralka, Wald, Geringer, Reina, Ertl 2020, Spatial Partitioning Strategies for Memory-Efficient Ray
 //! Tracing of Particles.
@@ -103,7 +103,12 @@ pub(super) struct Columns {
     uniform: f32,
     /// Of every node the id.
     ids: Vec<u32>,
+    /// The axes of each heap's nodes above the lowest levels, from the eighth part of its first place on.
+    axes: Vec<u8>,
 }
+
+/// Levels at the bottom of a heap that are tried at once.
+const LOWEST: u32 = 4;
 
 /// How far lanes may reach behind the last particle.
 const PADDING: usize = 8;
@@ -127,7 +132,15 @@ impl Columns {
             radii: if N > 3 { column(N - 1) } else { Vec::new() },
             uniform,
             ids: nodes().map(|node| records[place(node)].id).collect(),
+            axes: vec![0; records.len() / 8],
         }
+    }
+
+    /// Notes which axes the nodes of a heap of `count` particles split.
+    pub(super) fn note_axes(&mut self, heap: &Heap, count: usize, options: Options) {
+        let depth = upper_levels(count);
+        let axes = &mut self.axes[heap.first as usize / 8..];
+        note_axes(axes, &self.center, heap, (0, heap.centers), (0, depth), options);
     }
 
     /// Center and radius of the particle at `node`.
@@ -143,9 +156,37 @@ impl Columns {
         &self.ids
     }
 
-    /// Memory that centers and radii take, in bytes.
+    /// Memory that centers, radii and axes take, in bytes.
     pub(super) fn bytes(&self) -> u64 {
         let columns: usize = self.center.iter().map(|column| size_of_val(&column[..])).sum();
-        (columns + size_of_val(&self.radii[..])) as u64
+        (columns + size_of_val(&self.radii[..]) + size_of_val(&self.axes[..])) as u64
     }
+}
+
+/// The levels of a heap of `count` particles above those that are tried at once.
+#[inline(always)]
+fn upper_levels(count: usize) -> u32 {
+    count.checked_ilog2().map_or(0, |last| (last + 1).saturating_sub(LOWEST))
+}
+
+/// Notes the axes of the subtree at `node`, to whose centers the cuts above leave a box, down to `depth.1`.
+fn note_axes(
+    axes: &mut [u8],
+    center: &[Vec<f32>; 3],
+    heap: &Heap,
+    (node, centers): (usize, Bounds),
+    (depth, end): (u32, u32),
+    options: Options,
+) {
+    if depth == end {
+        return;
+    }
+    let axis = options.axis(&centers, depth);
+    axes[node] = axis as u8;
+    let split = center[axis][heap.first as usize + node];
+    let (mut left, mut right) = (centers, centers);
+    left.max[axis] = split;
+    right.min[axis] = split;
+    note_axes(axes, center, heap, (2 * node + 1, left), (depth + 1, end), options);
+    note_axes(axes, center, heap, (2 * node + 2, right), (depth + 1, end), options);
 }

@@ -1,31 +1,28 @@
-//! A single ray through a heap: near before far, the lowest levels sixteen particles at a time.
+//! A single ray through a heap: near before far, the particles of four levels at a time.
 
 use fearless_simd::{f32x4, f32x8, f32x16, prelude::*};
 use fearless_simd_macros::simd;
-use glam::Vec3;
 
-use super::{Columns, Heap, Options, Order};
-use crate::math::{Bounds, HIT_ROUNDING};
+use super::{Columns, Heap, LOWEST, Order, upper_levels};
+use crate::math::HIT_ROUNDING;
 use crate::simd::Lanes3;
 use crate::structure::search::Search;
 
 /// A subtree that is still to be walked.
 #[derive(Clone, Copy)]
-pub(in crate::structure) struct Region {
+struct Region {
     node: u32,
-    depth: u16,
+    /// Levels below it, without the lowest.
+    levels: u16,
     /// Whether only the node's own particle is left to test.
     test_only: bool,
     /// Where along the ray its particles can be met.
     t_near: f32,
     t_far: f32,
-    /// The box that the cuts above leave to its centers.
-    centers: Bounds,
 }
 
 impl Region {
-    const NONE: Self =
-        Self { node: 0, depth: 0, test_only: false, t_near: 0.0, t_far: 0.0, centers: Bounds::EMPTY };
+    const NONE: Self = Self { node: 0, levels: 0, test_only: false, t_near: 0.0, t_far: 0.0 };
 }
 
 /// Two entries a level, of 32 levels.
@@ -44,7 +41,7 @@ pub(in crate::structure) fn walk<S: Simd>(
     columns: &Columns,
     (heap, count): (&Heap, usize),
     slack: f32,
-    options: Options,
+    order: Order,
     search: &mut Search,
     stack: &mut Stack,
 ) -> bool {
@@ -52,6 +49,7 @@ pub(in crate::structure) fn walk<S: Simd>(
         return false;
     }
     let first = heap.first as usize;
+    let axes = &columns.axes[first / 8..];
     let inv_direction = search.inv_direction;
     let ray = *search.ray();
     let farthest = (heap.centers.center() - ray.origin).abs() + heap.centers.extent();
@@ -61,60 +59,49 @@ pub(in crate::structure) fn walk<S: Simd>(
     let (to_min, to_max) =
         ((grown.min - ray.origin) * inv_direction, (grown.max - ray.origin) * inv_direction);
     let (origin, inv_direction) = (ray.origin.to_array(), inv_direction.to_array());
+    let levels = upper_levels(count) as u16;
     let mut region = Region {
+        levels,
         t_near: to_min.min(to_max).max_element().max(ray.t_min),
         t_far: to_min.max(to_max).min_element(),
-        centers: heap.centers,
         ..Region::NONE
     };
     let mut top = 0;
     loop {
         if region.t_near <= region.t_far && region.t_near <= search.t_far {
-            let node = region.node as usize;
-            if 16 * node + 15 >= count {
-                if try_lowest(simd, columns, (first, count), node, search) {
+            let place = first + region.node as usize;
+            // Nodes are tried before their children, those of four levels together: some of the topmost twice, which changes nothing.
+            let is_first = u32::from(region.levels) % LOWEST == 0 || region.levels == levels;
+            if region.levels == 0 || (is_first && order == Order::NodeFirst) {
+                if try_four_levels(simd, columns, (first, count), region.node as usize, search) {
                     return true;
                 }
-            } else {
-                let place = first + node;
-                let center = [columns.center[0][place], columns.center[1][place], columns.center[2][place]];
-                if region.test_only || options.order == Order::NodeFirst {
-                    let radius =
-                        if columns.radii.is_empty() { columns.uniform } else { columns.radii[place] };
-                    if search.try_one(Vec3::from_array(center), radius, place as u32, &columns.ids) {
-                        return true;
-                    }
+            } else if region.test_only {
+                let (center, radius) = columns.sphere(place as u32);
+                if search.try_one(center, radius, place as u32, &columns.ids) {
+                    return true;
                 }
-                if !region.test_only {
-                    let axis = options.axis(&region.centers, u32::from(region.depth));
-                    let split = center[axis];
-                    let t_split = (split - origin[axis]) * inv_direction[axis];
-                    let mut near = Region { depth: region.depth + 1, ..region };
-                    let mut far = near;
-                    if inv_direction[axis] >= 0.0 {
-                        (near.node, far.node) = (2 * region.node + 1, 2 * region.node + 2);
-                        near.centers.max[axis] = split;
-                        far.centers.min[axis] = split;
-                    } else {
-                        (near.node, far.node) = (2 * region.node + 2, 2 * region.node + 1);
-                        near.centers.min[axis] = split;
-                        far.centers.max[axis] = split;
-                    }
-                    // The near side ends a margin behind the plane, the far side begins a margin before it.
-                    near.t_far = near.t_far.min(t_split + t_margin[axis]);
-                    far.t_near = far.t_near.max(t_split - t_margin[axis]);
-                    // The last one pushed is walked first.
-                    if far.t_near <= far.t_far && far.t_near <= search.t_far {
-                        stack.0[top] = far;
-                        top += 1;
-                    }
-                    if options.order == Order::NearChildFirst {
-                        stack.0[top] = Region { test_only: true, ..region };
-                        top += 1;
-                    }
-                    region = near;
-                    continue;
+            }
+            if region.levels > 0 && !region.test_only {
+                let axis = (axes[region.node as usize] as usize).min(2);
+                let t_split = (columns.center[axis][place] - origin[axis]) * inv_direction[axis];
+                let near_is_right = u32::from(inv_direction[axis] < 0.0);
+                let (left, levels) = (2 * region.node + 1, region.levels - 1);
+                // The near side ends a margin behind the plane, the far side begins a margin before it.
+                let near_end = region.t_far.min(t_split + t_margin[axis]);
+                let far_begin = region.t_near.max(t_split - t_margin[axis]);
+                // The last one pushed is walked first.
+                if far_begin <= region.t_far && far_begin <= search.t_far {
+                    stack.0[top] =
+                        Region { node: left + 1 - near_is_right, levels, t_near: far_begin, ..region };
+                    top += 1;
                 }
+                if order == Order::NearChildFirst {
+                    stack.0[top] = Region { test_only: true, ..region };
+                    top += 1;
+                }
+                region = Region { node: left + near_is_right, levels, t_far: near_end, ..region };
+                continue;
             }
         }
         if top == 0 {
@@ -125,9 +112,9 @@ pub(in crate::structure) fn walk<S: Simd>(
     }
 }
 
-/// Tries the particles of a subtree of at most four levels at once; whether the search is over.
+/// Tries the particles of four levels from `node` down at once; whether the search is over.
 #[simd]
-fn try_lowest<S: Simd>(
+fn try_four_levels<S: Simd>(
     simd: S,
     columns: &Columns,
     (first, count): (usize, usize),

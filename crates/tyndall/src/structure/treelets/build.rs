@@ -44,15 +44,20 @@ impl Treelets {
                 Inside::Treelet(_) => nodes.add(vec![part]),
             };
         }
-        Ok(Self {
+        let mut treelets = Self {
             columns: Columns::gather(&records, radius, |node| node),
             heaps: nodes.heaps,
             nodes: nodes.nodes,
             children: nodes.children,
             bounds,
             slack: box_slack(&bounds),
-            options: options.heap,
-        })
+            order: options.heap.order,
+        };
+        for place in 0..treelets.heaps.len() {
+            let (&heap, count) = treelets.heap(place);
+            treelets.columns.note_axes(&heap, count, options.heap);
+        }
+        Ok(treelets)
     }
 }
 

@@ -83,7 +83,7 @@ pub struct Treelets {
     bounds: Bounds,
     /// By how much boxes are grown against the rounding of coordinates.
     slack: f32,
-    options: pkd::Options,
+    order: pkd::Order,
 }
 
 impl Treelets {
@@ -154,8 +154,8 @@ fn walk<S: Simd>(simd: S, treelets: &Treelets, search: &mut Search) {
             Child::Node(place) => place as usize,
             Child::Treelet(place) => {
                 let heap = treelets.heap(place as usize);
-                let (columns, slack, options) = (&treelets.columns, treelets.slack, treelets.options);
-                if heap::walk(simd, columns, heap, slack, options, search, &mut regions) {
+                let (columns, slack, order) = (&treelets.columns, treelets.slack, treelets.order);
+                if heap::walk(simd, columns, heap, slack, order, search, &mut regions) {
                     return;
                 }
                 continue;
