@@ -71,7 +71,7 @@ pub(in crate::structure) fn walk<S: Simd>(
         if region.t_near <= region.t_far && region.t_near <= search.t_far {
             let place = first + region.node as usize;
             // Nodes are tried before their children, those of four levels together: some of the topmost twice, which changes nothing.
-            let is_first = u32::from(region.levels) % LOWEST == 0 || region.levels == levels;
+            let is_first = u32::from(region.levels).is_multiple_of(LOWEST) || region.levels == levels;
             if region.levels == 0 || (is_first && order == Order::NodeFirst) {
                 if try_four_levels(simd, columns, (first, count), region.node as usize, search) {
                     return true;

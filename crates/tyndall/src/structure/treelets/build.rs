@@ -235,7 +235,7 @@ mod tests {
     fn records(count: usize) -> Vec<Record<4>> {
         let record = |id: usize| {
             let at = |step: f32| (id as f32 * step).fract();
-            let radius = if id % 97 == 0 { 0.3 } else { 0.01 };
+            let radius = if id.is_multiple_of(97) { 0.3 } else { 0.01 };
             Record {
                 coordinates: [at(0.754_877), at(0.569_84), at(0.618_034).powi(4), radius],
                 id: id as u32,
