@@ -1,6 +1,6 @@
 //! The P-k-d tree: one left-balanced heap over all particles, so a balanced k-d tree that has no nodes beside them.
 //!
-//! Regions are grown by the largest radius. See [`super::heap`] for what holds, how it is walked, and the source.
+//! Regions are grown by the largest radius. See `structure/heap/` for what holds, how it is walked, and the source.
 
 use fearless_simd::{Level, dispatch};
 use glam::Vec3;

@@ -1,6 +1,6 @@
 //! Treelets: a shallow hierarchy of wide nodes over small k-d trees in place.
 //!
-//! The particles are cut into runs of at most `Options::size`; each run is a left-balanced heap (see [`super::heap`]) with a box and a
+//! The particles are cut into runs of at most `Options::size`; each run is a left-balanced heap (see `structure/heap/`) with a box and a
 //! largest radius of its own. Above them stand the eight-wide nodes of [`super::bvh`], here with a pointer to each child, because
 //! cuts through the middle of space leave runs of any length. Invariant: a decoded box holds every sphere below it. Radius counts as
 //! a coordinate when runs are cut, so that a large particle inflates few treelets. `build` cuts and sorts. Source: Gralka, Wald,
