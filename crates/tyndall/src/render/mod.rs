@@ -3,6 +3,7 @@
 //! [`Renderer::pass`] adds up to sixteen samples to every pixel; [`Renderer::image`] is the picture so far. The same settings
 //! give the same picture, bit for bit, whatever the number of threads and the width of SIMD.
 
+pub mod confidence;
 pub mod cpu;
 pub mod estimate;
 pub mod medium;
@@ -27,11 +28,23 @@ pub struct Settings {
     pub samples: u32,
     /// Another seed gives other random numbers.
     pub seed: u32,
+    /// What is not traced because it is likely, or sure, to be hidden.
+    pub culling: Culling,
+}
+
+/// How particles that others hide are left out.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub enum Culling {
+    /// Not at all, beyond what each ray finds for itself.
+    #[default]
+    Off,
+    /// Where a pixel is likely to be covered. Lossy.
+    Confidence(confidence::Options),
 }
 
 impl Default for Settings {
     fn default() -> Self {
-        Self { width: 1920, height: 1080, samples: 64, seed: 0 }
+        Self { width: 1920, height: 1080, samples: 64, seed: 0, culling: Culling::Off }
     }
 }
 
@@ -54,6 +67,10 @@ impl<'a> Renderer<'a> {
         }
         if samples == 0 {
             return Err(Error::setting("samples", samples, "at least 1 a pixel"));
+        }
+        match &settings.culling {
+            Culling::Off => {}
+            Culling::Confidence(options) => options.check()?,
         }
         let view = camera.view(scene.structure().origin(), width, height)?;
         let film = Film::new(width, height);

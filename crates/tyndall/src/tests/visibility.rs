@@ -4,7 +4,7 @@ use super::scenes::{LAWS, Law, Random, camera, particles};
 use crate::film::Image;
 use crate::math::Ray;
 use crate::particles::{Attribute, Columns, Particles, Positions, Radii, Values};
-use crate::render::{Renderer, Settings};
+use crate::render::{Culling, Renderer, Settings};
 use crate::scene::Scene;
 use crate::scene::camera::Camera;
 use crate::scene::color;
@@ -80,7 +80,7 @@ fn every_structure_renders_what_brute_force_renders() {
         let (particles, radii) = particles(law, count, &mut random);
         let camera = camera(&particles.bounds(), &mut random);
         let samples = [1, 4, 16][random.below(3) as usize];
-        let settings = Settings { width: 21, height: 13, samples, seed: seed as u32 };
+        let settings = Settings { width: 21, height: 13, samples, seed: seed as u32, culling: Culling::Off };
         let brute = scene(&particles, &radii, Kind::Brute, Lighting::Headlight);
         let expected = image(&brute, &camera, &settings, Level::new());
         met += expected.id.iter().filter(|&&id| id >= 0).count();
@@ -104,7 +104,8 @@ fn every_structure_casts_the_shadows_that_brute_force_casts() {
         let law = LAWS[seed as usize % LAWS.len()];
         let (particles, radii) = particles(law, 400, &mut random);
         let camera = camera(&particles.bounds(), &mut random);
-        let settings = Settings { width: 16, height: 16, samples: 4, seed: seed as u32 };
+        let settings =
+            Settings { width: 16, height: 16, samples: 4, seed: seed as u32, culling: Culling::Off };
         let studio = Lighting::studio(Vec3::X, Vec3::NEG_Y, Vec3::Z);
         let brute = scene(&particles, &radii, Kind::Brute, studio);
         let expected = image(&brute, &camera, &settings, Level::new());
@@ -127,7 +128,8 @@ fn packed_particles_are_rendered_as_brute_force_renders_what_the_blocks_decode()
             let packed = Structure::build(Kind::Bvh(packing), particles.clone(), &radii, 1.0, &()).unwrap();
             let (decoded, decoded_radii) = decoded(&packed);
             let camera = camera(&particles.bounds(), &mut random);
-            let settings = Settings { width: 21, height: 13, samples: 16, seed: seed as u32 };
+            let settings =
+                Settings { width: 21, height: 13, samples: 16, seed: seed as u32, culling: Culling::Off };
             for lighting in [Lighting::Headlight, Lighting::studio(Vec3::X, Vec3::NEG_Y, Vec3::Z)] {
                 let expected = scene(&decoded, &decoded_radii, Kind::Brute, lighting);
                 let expected = image(&expected, &camera, &settings, Level::new());
@@ -166,7 +168,8 @@ fn every_width_of_simd_renders_the_same_bits() {
         let mut random = Random::new(2000 + seed);
         let (particles, radii) = particles(LAWS[seed as usize % LAWS.len()], 1000, &mut random);
         let camera = camera(&particles.bounds(), &mut random);
-        let settings = Settings { width: 33, height: 20, samples: 20, seed: seed as u32 };
+        let settings =
+            Settings { width: 33, height: 20, samples: 20, seed: seed as u32, culling: Culling::Off };
         let scene =
             scene(&particles, &radii, Kind::default(), Lighting::studio(Vec3::X, Vec3::NEG_Y, Vec3::Z));
         let expected = image(&scene, &camera, &settings, levels[0].expect("the baseline is always there"));
@@ -181,7 +184,7 @@ fn every_width_of_simd_renders_the_same_bits() {
 fn a_renderer_that_starts_anew_forgets_what_it_saw() {
     let mut random = Random::new(91);
     let (particles, radii) = particles(Law::MixedRadii, 500, &mut random);
-    let settings = Settings { width: 40, height: 30, samples: 5, seed: 2 };
+    let settings = Settings { width: 40, height: 30, samples: 5, seed: 2, culling: Culling::Off };
     let scene = scene(&particles, &radii, Kind::default(), Lighting::Headlight);
     let [first, second] = [0, 1].map(|_| camera(&particles.bounds(), &mut random));
     let expected = image(&scene, &second, &settings, Level::new());
@@ -203,7 +206,7 @@ fn one_thread_and_two_render_the_same_bits() {
     let mut random = Random::new(77);
     let (particles, radii) = particles(Law::MixedRadii, 50_000, &mut random);
     let camera = camera(&particles.bounds(), &mut random);
-    let settings = Settings { width: 150, height: 70, samples: 16, seed: 5 };
+    let settings = Settings { width: 150, height: 70, samples: 16, seed: 5, culling: Culling::Off };
     let rendered = [1, 2].map(|threads| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         pool.install(|| {
