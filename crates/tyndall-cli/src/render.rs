@@ -7,7 +7,7 @@ use std::time::Instant;
 
 use tyndall::particles::{Particles, Radii};
 use tyndall::render::estimate::Work;
-use tyndall::render::{Culling, Settings, render};
+use tyndall::render::{Culling, Renderer, Settings};
 use tyndall::scene::automatic::{self, Outliers};
 use tyndall::scene::camera::{Camera, VERTICAL_ANGLE};
 use tyndall::scene::color::{ParticleColors, resolve};
@@ -321,7 +321,10 @@ impl<'a> Job<'a> {
             LightLook::Headlight => Lighting::Headlight,
             LightLook::Flat => Lighting::Flat,
         };
-        let image = render(scene, camera, &self.settings, self.report.progress())?;
+        let mut renderer = Renderer::new(scene, camera, &self.settings)?;
+        renderer.finish(self.report.progress())?;
+        let image = renderer.image();
+        culling::tell(&self.settings.culling, &renderer.counts(), self.report);
         match image.shows_nothing() {
             true => Err(Failure::Unseen(why_unseen(scene.structure(), dropped, &view))),
             false => Ok(image),
@@ -382,7 +385,7 @@ impl<'a> Job<'a> {
         guesses.extend(conventions.iter().cloned());
         guesses.extend([radius.to_string(), colors.description.clone(), framing.to_string()]);
         guesses.push(format!("{width}x{height}, {samples} samples"));
-        if self.settings.culling != Culling::Off {
+        if self.settings.culling != Culling::default() {
             guesses.push(culling::description(&self.settings.culling));
         }
         guesses

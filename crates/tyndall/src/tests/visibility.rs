@@ -27,22 +27,20 @@ const KINDS: [Kind; 6] = [
 const COUNTS: [usize; 10] = [0, 1, 2, 3, 16, 17, 100, 129, 700, 3000];
 
 /// Every particle has a color of its own, of a few.
-fn scene(particles: &Particles, radii: &Radii, kind: Kind, lighting: Lighting) -> Scene {
+pub(super) fn scene(particles: &Particles, radii: &Radii, kind: Kind, lighting: Lighting) -> Scene {
     let structure = Structure::build(kind, particles.clone(), radii, 1.0, &()).unwrap();
     let colors = color::resolve(particles, &"radius".parse().unwrap(), None, None, Range::Auto).unwrap();
     Scene::new(structure, colors, lighting, None)
 }
 
-fn image(scene: &Scene, camera: &Camera, settings: &Settings, level: Level) -> Image {
+pub(super) fn image(scene: &Scene, camera: &Camera, settings: &Settings, level: Level) -> Image {
     let mut renderer = Renderer::new(scene, camera, settings).unwrap().with_level(level);
-    while !renderer.is_done() {
-        renderer.pass(&()).unwrap();
-    }
+    renderer.finish(&()).unwrap();
     renderer.image()
 }
 
 /// How many pixels differ in any bit of any layer.
-fn differing_pixels(a: &Image, b: &Image) -> usize {
+pub(super) fn differing_pixels(a: &Image, b: &Image) -> usize {
     let bits =
         |image: &Image, k: usize| (image.color[k].map(f32::to_bits), image.depth[k].to_bits(), image.id[k]);
     assert_eq!((a.width, a.height), (b.width, b.height));
