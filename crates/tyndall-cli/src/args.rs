@@ -9,6 +9,7 @@ use tyndall::scene::coloring::{Coloring, Norm, Range};
 use tyndall::scene::colormap::Colormap;
 use tyndall::scene::viewpoint::Side;
 
+use crate::culling::CullingArgs;
 use crate::medium::args::Medium;
 use crate::values::{Background, Degrees, Ortho, Size, Slice, count, length, point};
 
@@ -270,6 +271,8 @@ pub(crate) struct Method {
     /// Says how much memory and time it would take, and stops
     #[arg(long)]
     pub(crate) dry_run: bool,
+    #[command(flatten)]
+    pub(crate) culling: CullingArgs,
 }
 
 /// Which structure finds what a ray meets.

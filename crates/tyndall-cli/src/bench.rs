@@ -191,7 +191,12 @@ impl<'a> Bench<'a> {
     }
 
     fn settings(&self, samples: u32) -> Settings {
-        Settings { width: self.args.size.width, height: self.args.size.height, samples, seed: 0 }
+        Settings {
+            width: self.args.size.width,
+            height: self.args.size.height,
+            samples,
+            ..Settings::default()
+        }
     }
 
     /// The median time of `runs` pictures in the same memory.

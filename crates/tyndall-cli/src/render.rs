@@ -7,7 +7,7 @@ use std::time::Instant;
 
 use tyndall::particles::{Particles, Radii};
 use tyndall::render::estimate::Work;
-use tyndall::render::{Settings, render};
+use tyndall::render::{Culling, Renderer, Settings};
 use tyndall::scene::automatic::{self, Outliers};
 use tyndall::scene::camera::{Camera, VERTICAL_ANGLE};
 use tyndall::scene::color::{ParticleColors, resolve};
@@ -26,7 +26,7 @@ use crate::output::Pattern;
 use crate::plan::{self, Picture};
 use crate::report::{Failure, Outcome, Report, counted, seconds};
 use crate::values::{Background, Degrees};
-use crate::{dry_run, input, medium, metadata, progress, structure};
+use crate::{culling, dry_run, input, medium, metadata, progress, structure};
 
 /// Renders what the command line asks for.
 pub(crate) fn run(args: &args::Render, report: &Report) -> Outcome<()> {
@@ -81,7 +81,8 @@ impl<'a> Job<'a> {
     fn new(args: &'a args::Render, report: &'a Report) -> Outcome<Self> {
         let args::Picture { size, samples, seed, background, alpha, .. } = &args.picture;
         let samples = samples.unwrap_or(Settings::default().samples);
-        let settings = Settings { width: size.width, height: size.height, samples, seed: *seed };
+        let culling = culling::culling(&args.method.culling);
+        let settings = Settings { width: size.width, height: size.height, samples, seed: *seed, culling };
         let background = match background.unwrap_or(Background::Color([1.0; 3])) {
             Background::Nothing => None,
             Background::Color(color) => Some(color),
@@ -271,7 +272,10 @@ impl<'a> Job<'a> {
             LightLook::Headlight => Lighting::Headlight,
             LightLook::Flat => Lighting::Flat,
         };
-        let image = render(scene, camera, &self.settings, self.report.progress())?;
+        let mut renderer = Renderer::new(scene, camera, &self.settings)?;
+        renderer.finish(self.report.progress())?;
+        let image = renderer.image();
+        culling::tell(&self.settings.culling, &renderer.counts(), self.report);
         match image.shows_nothing() {
             true => Err(Failure::Unseen(why_unseen(scene.structure(), dropped, &view))),
             false => Ok(image),
@@ -332,6 +336,9 @@ impl<'a> Job<'a> {
         guesses.extend(conventions.iter().cloned());
         guesses.extend([radius.to_string(), colors.description.clone(), framing.to_string()]);
         guesses.push(format!("{width}x{height}, {samples} samples"));
+        if self.settings.culling != Culling::default() {
+            guesses.push(culling::description(&self.settings.culling));
+        }
         guesses
     }
 }

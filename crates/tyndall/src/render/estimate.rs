@@ -108,7 +108,7 @@ mod tests {
 
     #[test]
     fn more_work_costs_more() {
-        let settings = Settings { width: 800, height: 800, samples: 16, seed: 0 };
+        let settings = Settings { width: 800, height: 800, samples: 16, ..Settings::default() };
         let few = Work::of_count(1_000, Kind::default(), settings);
         let many = Work { particles: 1_000_000_000, columns_bytes: 12_000_000_000, ..few };
         assert!(many.memory_bytes() > 30_000_000_000 && many.memory_bytes() < 50_000_000_000);
