@@ -5,8 +5,8 @@
 //! again and again in the same memory, as a viewer makes them; one before those that count. `AO` is one ray a sample to the sky, the
 //! default look has one to the key light as well. Single rays are asked of `bvh` and of `pkd` over the same particles.
 
-mod rays;
-mod table;
+pub(crate) mod rays;
+pub(crate) mod table;
 
 use std::time::Instant;
 
@@ -28,6 +28,9 @@ use crate::dry_run::check_memory;
 use crate::report::{Outcome, Report};
 use crate::structure;
 use table::{Cell, Table};
+
+/// What is measured if nothing is said.
+pub(crate) const SETS: [&str; 3] = ["packed", "uniform", "clustered"];
 
 const PICTURES: [&str; 13] = [
     "set",
@@ -58,8 +61,16 @@ const RAYS: [&str; 9] = [
 
 /// Measures every set at every count.
 pub(crate) fn run(args: &args::Bench, report: &Report) -> Outcome<()> {
-    if args.what == args::BenchWhat::Medium {
-        return bench_medium::run(report);
+    match args.what {
+        args::BenchWhat::Spheres => {}
+        args::BenchWhat::Medium => return bench_medium::run(report),
+        #[cfg(feature = "gpu")]
+        args::BenchWhat::Gpu => return crate::bench_gpu::run(args, report),
+        #[cfg(not(feature = "gpu"))]
+        args::BenchWhat::Gpu => {
+            let why = "this build knows no GPU — build it with --features gpu";
+            return Err(tyndall::Error::Device(why.into()).into());
+        }
     }
     let threads = rayon::current_num_threads();
     report.note(format_args!("tyndall {}, {threads} threads", env!("CARGO_PKG_VERSION")));
@@ -70,8 +81,9 @@ pub(crate) fn run(args: &args::Bench, report: &Report) -> Outcome<()> {
         pictures: Table::new(&PICTURES),
         rays: Table::new(&RAYS),
     };
-    for &count in &args.n {
-        for set in &args.sets {
+    let sets: Vec<&str> = args.sets.iter().map(String::as_str).collect();
+    for &count in if args.n.is_empty() { &[1_000_000] } else { &args.n[..] } {
+        for set in if sets.is_empty() { &SETS[..] } else { &sets } {
             bench.measure(set, count)?;
         }
     }
@@ -115,7 +127,7 @@ impl Bench<'_> {
         let colors = ParticleColors::constant([0.7; 3]);
         let mut scene = Scene::new(structure, colors, Lighting::Headlight, Some([1.0; 3]));
         for (name, projection) in PROJECTIONS {
-            let camera = camera(projection);
+            let camera = camera_of_cube(projection);
             let view =
                 camera.view(scene.structure().origin(), self.args.size.width, self.args.size.height)?;
             let studio = Lighting::studio(view.forward, view.right, view.up);
@@ -154,7 +166,11 @@ impl Bench<'_> {
         let (width, height) = (self.args.size.width, self.args.size.height);
         let mut sets: Vec<Vec<Ray>> = Vec::new();
         for (_, projection) in PROJECTIONS {
-            sets.push(rays::coherent(&camera(projection).view(bvh.origin(), width, height)?, width, height));
+            sets.push(rays::coherent(
+                &camera_of_cube(projection).view(bvh.origin(), width, height)?,
+                width,
+                height,
+            ));
         }
         sets.push(rays::incoherent(bvh.origin()));
         let rates = |structure: &Structure| -> Vec<f64> {
@@ -207,12 +223,12 @@ impl Bench<'_> {
     }
 }
 
-const PROJECTIONS: [(&str, Projection); 2] = [
+pub(crate) const PROJECTIONS: [(&str, Projection); 2] = [
     ("orthographic", Projection::Orthographic { height: 1.8 }),
     ("perspective", Projection::Perspective { vertical_angle: std::f64::consts::PI / 6.0 }),
 ];
 
-fn camera(projection: Projection) -> Camera {
+pub(crate) fn camera_of_cube(projection: Projection) -> Camera {
     let look_at = DVec3::splat(0.5);
     let eye = look_at + 3.5 * DVec3::new(0.80, 0.55, 0.45).normalize();
     Camera { eye, look_at, up: DVec3::Z, projection }

@@ -1,5 +1,5 @@
 //! Tests that look inside: structures and kernels against brute force, on random and on degenerate scenes.
 
 mod oracle;
-mod scenes;
+pub(crate) mod scenes;
 mod visibility;

@@ -13,9 +13,10 @@ use fearless_simd_macros::simd;
 use glam::Vec3;
 use rayon::prelude::*;
 
-use super::shade::{key_radiance, sky_radiance};
+use super::shade::{key_radiance, mean_of, sky_radiance};
 use crate::film::Image;
 use crate::progress::Progress;
+use crate::render::sampling::{Nearness, Samples};
 use crate::scene::Scene;
 use crate::scene::camera::View;
 use crate::scene::light::Lighting;
@@ -23,8 +24,7 @@ use crate::simd::Lanes3;
 use crate::structure::Store;
 use bytemuck::Zeroable;
 use lighting::Surface;
-use pass::PATTERN;
-pub(crate) use pass::{Pass, Samples};
+pub(crate) use pass::Pass;
 use tiles::{BLOCKS, Beam, EDGE, Entry, RAYS, Tile, block_at};
 
 /// Pixels along the edge of a film tile.
@@ -49,17 +49,17 @@ pub(crate) struct Film {
     width: u32,
     height: u32,
     tiles: Vec<FilmTile>,
-    /// Squared distance from the pixel's center of the sample nearest it, by the pixel's place in the pattern of samples.
-    nearest_sq: [f32; PATTERN * PATTERN],
+    /// How near samples have come to the centers of their pixels.
+    nearness: Nearness,
 }
 
 impl Film {
     /// What a pass over this film has to know of the samples before it.
     pub(crate) fn pass<'a>(&mut self, scene: &'a Scene, view: View, added: Samples) -> Pass<'a> {
         if added.first == 0 {
-            self.nearest_sq.fill(f32::INFINITY);
+            self.nearness = Nearness::NONE;
         }
-        Pass::new(scene, view, added, &mut self.nearest_sq)
+        Pass::new(scene, view, added, &mut self.nearness)
     }
 
     /// Without samples. Tiles lie along a Morton curve, so that neighbors in time are neighbors in the picture.
@@ -77,7 +77,7 @@ impl Film {
         for (tile, (x, y)) in tiles.iter_mut().zip(corners) {
             (tile.x, tile.y) = (x * FILM_EDGE as u32, y * FILM_EDGE as u32);
         }
-        Self { width, height, tiles, nearest_sq: [f32::INFINITY; PATTERN * PATTERN] }
+        Self { width, height, tiles, nearness: Nearness::NONE }
     }
 
     /// Writes the mean of `samples` samples a pixel, over the scene's background.
@@ -88,17 +88,7 @@ impl Film {
         image.color.resize(pixels, [0.0; 4]);
         image.depth.resize(pixels, f32::INFINITY);
         image.id.resize(pixels, -1);
-        let inv_samples = if samples == 0 { 0.0 } else { 1.0 / samples as f32 };
-        let mean = |sum: [f32; 4]| {
-            let [r, g, b, count] = sum.map(|sum| sum * inv_samples);
-            match scene.background {
-                Some(back) => {
-                    let open = 1.0 - count;
-                    [r + open * back[0], g + open * back[1], b + open * back[2], 1.0]
-                }
-                None => [r, g, b, count],
-            }
-        };
+        let mean = mean_of(samples, scene.background);
         let mut rows: Vec<Vec<&FilmTile>> = vec![Vec::new(); self.height.div_ceil(FILM_EDGE as u32) as usize];
         for tile in &self.tiles {
             rows[tile.y as usize / FILM_EDGE].push(tile);
