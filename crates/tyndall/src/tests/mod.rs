@@ -2,5 +2,5 @@
 
 mod certified;
 mod oracle;
-mod scenes;
+pub(crate) mod scenes;
 mod visibility;

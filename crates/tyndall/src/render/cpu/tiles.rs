@@ -381,7 +381,12 @@ fn push_children<S: Simd>(
             let child = behind.trailing_zeros() as usize;
             behind &= behind - 1;
             let place = bvh.child(place, child);
-            memory.behind.push(Entry { near: near[child], place, touched: of_child(&touched, child), open: 0 });
+            memory.behind.push(Entry {
+                near: near[child],
+                place,
+                touched: of_child(&touched, child),
+                open: 0,
+            });
         }
     }
     let first = stack.len();
