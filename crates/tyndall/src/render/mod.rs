@@ -54,6 +54,7 @@ pub struct Renderer<'a> {
     view: View,
     settings: Settings,
     film: Film,
+    culling: Option<cpu::Confidence>,
     samples_done: u32,
     level: fearless_simd::Level,
 }
@@ -68,14 +69,14 @@ impl<'a> Renderer<'a> {
         if samples == 0 {
             return Err(Error::setting("samples", samples, "at least 1 a pixel"));
         }
-        match &settings.culling {
-            Culling::Off => {}
-            Culling::Confidence(options) => options.check()?,
-        }
         let view = camera.view(scene.structure().origin(), width, height)?;
         let film = Film::new(width, height);
+        let culling = match settings.culling {
+            Culling::Off => None,
+            Culling::Confidence(options) => Some(cpu::Confidence::new(scene, &film, options)?),
+        };
         let level = fearless_simd::Level::new();
-        Ok(Self { scene, view, settings: *settings, film, samples_done: 0, level })
+        Ok(Self { scene, view, settings: *settings, film, culling, samples_done: 0, level })
     }
 
     /// Uses narrower SIMD than the machine has.
@@ -89,10 +90,14 @@ impl<'a> Renderer<'a> {
         self.samples_done >= self.settings.samples
     }
 
-    /// Adds up to sixteen samples to every pixel. Fails only when interrupted; the film is then incomplete.
+    /// Adds up to sixteen samples to every pixel, with culling by confidence those of a frame. Fails only when interrupted; the film is then incomplete.
     pub fn pass(&mut self, progress: &dyn Progress) -> Result<()> {
         let left = self.settings.samples - self.samples_done;
-        let count = match left {
+        let at_once = match self.settings.culling {
+            Culling::Off => left,
+            Culling::Confidence(options) => left.min(options.frame_samples),
+        };
+        let count = match at_once {
             0 => return Ok(()),
             1..4 => 1,
             4..16 => 4,
@@ -105,7 +110,7 @@ impl<'a> Renderer<'a> {
             centered: self.settings.samples == 1,
         };
         let pass = self.film.pass(self.scene, self.view, added);
-        cpu::for_each_tile(&mut self.film, &pass, self.level, progress);
+        cpu::for_each_tile(&mut self.film, &pass, self.culling.as_mut(), self.level, progress);
         self.samples_done += count;
         if progress.cancelled() { Err(Error::Interrupted) } else { Ok(()) }
     }
@@ -115,7 +120,23 @@ impl<'a> Renderer<'a> {
         let Settings { width, height, .. } = self.settings;
         self.view = camera.view(self.scene.structure().origin(), width, height)?;
         self.samples_done = 0;
+        if let Some(culling) = &mut self.culling {
+            culling.restart();
+        }
         Ok(())
+    }
+
+    /// Takes what culling by confidence has learned of this view for final, and starts the picture anew.
+    pub fn settle(&mut self) {
+        self.samples_done = 0;
+        if let Some(culling) = &mut self.culling {
+            culling.settle();
+        }
+    }
+
+    /// How far culling by confidence is; none with any other.
+    pub fn confidence(&self) -> Option<confidence::Report> {
+        Some(self.culling.as_ref()?.report(&self.film))
     }
 
     /// The picture of the samples so far.

@@ -88,6 +88,34 @@ impl Hit {
     }
 }
 
+/// What finding a hit took.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Visits {
+    /// Nodes that were opened. A P-k-d tree has a node a particle.
+    pub nodes: u64,
+    /// Particles that were tested; all others are in subtrees that were skipped.
+    pub particles: u64,
+}
+
+/// Is told what a walk visits. `()` is told nothing, and costs nothing.
+trait Observer {
+    /// So many more nodes were opened and particles tested.
+    fn visit(&mut self, nodes: u64, particles: u64);
+}
+
+impl Observer for () {
+    #[inline(always)]
+    fn visit(&mut self, _nodes: u64, _particles: u64) {}
+}
+
+impl Observer for Visits {
+    #[inline(always)]
+    fn visit(&mut self, nodes: u64, particles: u64) {
+        self.nodes += nodes;
+        self.particles += particles;
+    }
+}
+
 /// Which structure to build.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
@@ -184,6 +212,16 @@ impl Structure {
         each_store!(&self.store, store => store.intersect(ray, except))
     }
 
+    /// As [`Structure::intersect`], and counts in `visits` what that took.
+    pub fn intersect_counted(&self, ray: &Ray, visits: &mut Visits) -> Option<Hit> {
+        each_store!(&self.store, store => store.nearest(ray, None, visits))
+    }
+
+    /// Calls `met` with distance and node of every particle that `ray` enters, in no order, and returns the first one along it.
+    pub fn hits(&self, ray: &Ray, met: &mut dyn FnMut(f32, u32)) -> Option<Hit> {
+        each_store!(&self.store, store => store.hits(ray, met))
+    }
+
     /// Whether `ray` enters any particle but the one at node `except`.
     pub fn occluded(&self, ray: &Ray, except: Option<u32>) -> bool {
         each_store!(&self.store, store => store.occluded(ray, except))
@@ -273,15 +311,25 @@ impl Brute {
     }
 
     fn intersect(&self, ray: &Ray, except: Option<u32>) -> Option<Hit> {
+        self.nearest(ray, except, &mut ())
+    }
+
+    fn nearest(&self, ray: &Ray, except: Option<u32>, observer: &mut impl Observer) -> Option<Hit> {
+        observer.visit(1, self.spheres.len() as u64);
         let mut best = None;
-        for (t, node) in self.hits(ray, except) {
+        for (t, node) in self.entered(ray, except) {
             Hit::keep_nearer(&mut best, t, node, &self.ids);
         }
         best
     }
 
+    fn hits(&self, ray: &Ray, met: &mut dyn FnMut(f32, u32)) -> Option<Hit> {
+        self.entered(ray, None).for_each(|(t, node)| met(t, node));
+        self.intersect(ray, None)
+    }
+
     fn occluded(&self, ray: &Ray, except: Option<u32>) -> bool {
-        self.hits(ray, except).next().is_some()
+        self.entered(ray, except).next().is_some()
     }
 
     fn sphere(&self, node: u32) -> (Vec3, f32) {
@@ -302,7 +350,7 @@ impl Brute {
         size_of_val(&self.spheres[..]) as u64
     }
 
-    fn hits(&self, ray: &Ray, except: Option<u32>) -> impl Iterator<Item = (f32, u32)> {
+    fn entered(&self, ray: &Ray, except: Option<u32>) -> impl Iterator<Item = (f32, u32)> {
         (0u32..).zip(&self.spheres).filter_map(move |(node, &(center, radius))| {
             let t = enter_sphere(ray, center, radius);
             (t < ray.t_max && except != Some(node)).then_some((t, node))

@@ -10,7 +10,7 @@ use glam::Vec3;
 use rayon::prelude::*;
 
 use super::build::{Record, cut};
-use super::{Hit, box_slack};
+use super::{Hit, Observer, box_slack};
 use crate::error::{Error, Result};
 use crate::math::{Bounds, HIT_ROUNDING, Ray, enter_sphere};
 use crate::progress::Progress;
@@ -124,10 +124,22 @@ impl Pkd {
 
     /// See [`super::Structure::intersect`].
     pub fn intersect(&self, ray: &Ray, except: Option<u32>) -> Option<Hit> {
+        self.nearest(ray, except, &mut ())
+    }
+
+    /// The same, and tells what it visits.
+    #[inline(always)]
+    pub(super) fn nearest(
+        &self,
+        ray: &Ray,
+        except: Option<u32>,
+        observer: &mut impl Observer,
+    ) -> Option<Hit> {
         let mut best = None;
         let mut ray = *ray;
         let t_max = ray.t_max;
         self.walk(&mut ray, |pkd, node, ray| {
+            observer.visit(1, 1);
             // Equally near hits count too: the smaller id wins. `next_up` lets them through the open interval.
             let within = Ray { t_max: ray.t_max.next_up().min(t_max), ..*ray };
             let t = enter_sphere(&within, pkd.center(node), pkd.radius(node));
@@ -135,6 +147,20 @@ impl Pkd {
                 Hit::keep_nearer(&mut best, t, node as u32, &pkd.ids);
                 // Clip the ray to the nearest hit: what is behind it is hidden.
                 ray.t_max = best.map_or(ray.t_max, |best: Hit| best.t);
+            }
+            false
+        });
+        best
+    }
+
+    /// See [`super::Structure::hits`].
+    pub(super) fn hits(&self, ray: &Ray, met: &mut dyn FnMut(f32, u32)) -> Option<Hit> {
+        let mut best = None;
+        self.walk(&mut { *ray }, |pkd, node, ray| {
+            let t = enter_sphere(ray, pkd.center(node), pkd.radius(node));
+            if t < ray.t_max {
+                met(t, node as u32);
+                Hit::keep_nearer(&mut best, t, node as u32, &pkd.ids);
             }
             false
         });

@@ -15,7 +15,7 @@ use crate::structure::{Hit, Kind, Packing, Structure};
 use fearless_simd::{Level, Simd};
 use glam::Vec3;
 
-const KINDS: [Kind; 6] = [
+pub(super) const KINDS: [Kind; 6] = [
     Kind::Bvh(Packing::Exact),
     Kind::Brute,
     Kind::Pkd(Options { axis: Axis::WidestExtent, order: Order::NodeFirst }),
@@ -24,10 +24,10 @@ const KINDS: [Kind; 6] = [
     Kind::Pkd(Options { axis: Axis::RoundRobin, order: Order::NearChildFirst }),
 ];
 
-const COUNTS: [usize; 10] = [0, 1, 2, 3, 16, 17, 100, 129, 700, 3000];
+pub(super) const COUNTS: [usize; 10] = [0, 1, 2, 3, 16, 17, 100, 129, 700, 3000];
 
 /// Every particle has a color of its own, of a few.
-fn scene(particles: &Particles, radii: &Radii, kind: Kind, lighting: Lighting) -> Scene {
+pub(super) fn scene(particles: &Particles, radii: &Radii, kind: Kind, lighting: Lighting) -> Scene {
     let structure = Structure::build(kind, particles.clone(), radii, 1.0, &()).unwrap();
     let colors = color::resolve(particles, &"radius".parse().unwrap(), None, None, Range::Auto).unwrap();
     Scene::new(structure, colors, lighting, None)
@@ -42,7 +42,7 @@ fn image(scene: &Scene, camera: &Camera, settings: &Settings, level: Level) -> I
 }
 
 /// How many pixels differ in any bit of any layer.
-fn differing_pixels(a: &Image, b: &Image) -> usize {
+pub(super) fn differing_pixels(a: &Image, b: &Image) -> usize {
     let bits =
         |image: &Image, k: usize| (image.color[k].map(f32::to_bits), image.depth[k].to_bits(), image.id[k]);
     assert_eq!((a.width, a.height), (b.width, b.height));

@@ -3,6 +3,7 @@
 //! A film tile of 32 x 32 pixels is the unit of work. A pass finds what its rays meet (the tile sample buffer of `tiles` for the
 //! hierarchy, a ray each for other structures), then lights it, sixteen neighboring pixels at a time.
 
+mod confidence;
 mod lighting;
 mod pass;
 mod shadows;
@@ -13,6 +14,7 @@ use fearless_simd_macros::simd;
 use glam::Vec3;
 use rayon::prelude::*;
 
+use super::confidence::{Histogram, Pixel};
 use super::shade::{key_radiance, sky_radiance};
 use crate::film::Image;
 use crate::progress::Progress;
@@ -22,6 +24,7 @@ use crate::scene::light::Lighting;
 use crate::simd::Lanes3;
 use crate::structure::Store;
 use bytemuck::Zeroable;
+pub(crate) use confidence::Confidence;
 use lighting::Surface;
 use pass::PATTERN;
 pub(crate) use pass::{Pass, Samples};
@@ -140,36 +143,64 @@ struct Scratch {
     shadow_stack: Vec<shadows::Entry>,
     /// By sample: what the film tile's pixels met, where light is traced.
     surfaces: Vec<Vec<Surface>>,
+    histogram: Histogram,
 }
 
+/// What a film tile's pixels know of what hides what, where they learn.
+type Culled<'a> = Option<(confidence::Frame<'a>, &'a mut [Pixel; FILM_PIXELS])>;
+
 /// Adds a pass to the film. The only place where threads appear: each takes film tiles until none is left.
-pub(crate) fn for_each_tile(film: &mut Film, pass: &Pass, level: Level, progress: &dyn Progress) {
+pub(crate) fn for_each_tile(
+    film: &mut Film,
+    pass: &Pass,
+    mut culling: Option<&mut Confidence>,
+    level: Level,
+    progress: &dyn Progress,
+) {
     let (width, height) = (film.width, film.height);
     let scratch = || Scratch {
         tile: Tile::new(),
         stack: Vec::new(),
         shadow_stack: Vec::new(),
         surfaces: pass.lights.iter().map(|_| Vec::with_capacity(FILM_PIXELS)).collect(),
+        histogram: Histogram::default(),
     };
-    film.tiles.par_iter_mut().for_each_init(scratch, |scratch, film_tile| {
+    let culled: Vec<Culled> = match &mut culling {
+        Some(culling) => {
+            let (frame, tiles) = culling.split();
+            tiles.iter_mut().map(|pixels| Some((frame, pixels))).collect()
+        }
+        None => film.tiles.iter().map(|_| None).collect(),
+    };
+    film.tiles.par_iter_mut().zip(culled).for_each_init(scratch, |scratch, (film_tile, mut culled)| {
         if progress.cancelled() {
             return;
         }
-        dispatch!(level, simd => render_film_tile(simd, pass, film_tile, scratch));
+        dispatch!(level, simd => render_film_tile(simd, pass, film_tile, &mut culled, scratch));
         let columns = (width - film_tile.x).min(FILM_EDGE as u32);
         let rows = (height - film_tile.y).min(FILM_EDGE as u32);
         progress.advance(columns as u64 * rows as u64 * pass.samples as u64);
     });
+    if let Some(culling) = culling {
+        culling.decide(film, pass.samples as u32);
+    }
 }
 
 #[simd]
-fn render_film_tile<S: Simd>(simd: S, pass: &Pass, film_tile: &mut FilmTile, scratch: &mut Scratch) {
-    if pass.is_first {
+fn render_film_tile<S: Simd>(
+    simd: S,
+    pass: &Pass,
+    film_tile: &mut FilmTile,
+    culled: &mut Culled,
+    scratch: &mut Scratch,
+) {
+    if pass.first == 0 {
         film_tile.sum = [[0.0; 4]; FILM_PIXELS];
     }
     for y in (0..FILM_EDGE).step_by(pass.tile_px()) {
         for x in (0..FILM_EDGE).step_by(pass.tile_px()) {
-            find_hits(simd, pass, (film_tile.x as usize + x, film_tile.y as usize + y), scratch);
+            let corner = [film_tile.x as usize, film_tile.y as usize];
+            find_hits(simd, pass, (corner, [x, y]), culled, scratch);
             for block in 0..BLOCKS {
                 let first = (y + block / EDGE * pass.block_px) * FILM_EDGE + x + block % EDGE * pass.block_px;
                 keep_nearest(pass, block, first, film_tile, &scratch.tile);
@@ -199,15 +230,25 @@ fn keep_nearest(pass: &Pass, block: usize, first: usize, film_tile: &mut FilmTil
     }
 }
 
-/// Finds what every ray of the tile at pixel `corner` meets.
+/// Finds what every ray of a tile meets, which lies at pixel `inside` of the film tile at pixel `corner`.
 #[simd]
-fn find_hits<S: Simd>(simd: S, pass: &Pass, corner: (usize, usize), scratch: &mut Scratch) {
+fn find_hits<S: Simd>(
+    simd: S,
+    pass: &Pass,
+    (corner, inside): ([usize; 2], [usize; 2]),
+    culled: &mut Culled,
+    scratch: &mut Scratch,
+) {
     let tile = &mut scratch.tile;
     tile.clear();
-    pass.set_rays(simd, corner, tile);
+    let place = (corner[0] + inside[0], corner[1] + inside[1]);
+    pass.set_rays(simd, place, tile);
+    if let Some((frame, pixels)) = culled {
+        return confidence::trace(frame, pass, (corner, inside), pixels, (tile, &mut scratch.histogram));
+    }
     match &pass.scene.structure().store {
         Store::Bvh(bvh) => {
-            let beam = Beam::new(pass, corner.0 as f32, corner.1 as f32);
+            let beam = Beam::new(pass, place.0 as f32, place.1 as f32);
             tiles::walk(simd, bvh, &pass.view, &beam, tile, &mut scratch.stack);
         }
         _ => {

@@ -6,20 +6,39 @@ use fearless_simd_macros::simd;
 use super::{Bvh, LEAF};
 use crate::math::Ray;
 use crate::simd::{Lanes3, enter_sphere};
-use crate::structure::Hit;
+use crate::structure::{Hit, Observer};
 
 impl Bvh {
     /// See [`crate::structure::Structure::intersect`].
     pub fn intersect(&self, ray: &Ray, except: Option<u32>) -> Option<Hit> {
+        self.nearest(ray, except, &mut ())
+    }
+
+    /// The same, and tells what it visits.
+    #[inline(always)]
+    pub(in crate::structure) fn nearest(
+        &self,
+        ray: &Ray,
+        except: Option<u32>,
+        observer: &mut impl Observer,
+    ) -> Option<Hit> {
         let mut best = None;
-        dispatch!(Level::new(), simd => walk(simd, self, ray, except, Wanted::Nearest(&mut best)));
+        dispatch!(Level::new(), simd => walk(simd, self, ray, except, Wanted::Nearest(&mut best), observer));
+        best
+    }
+
+    /// See [`crate::structure::Structure::hits`].
+    pub(in crate::structure) fn hits(&self, ray: &Ray, met: &mut dyn FnMut(f32, u32)) -> Option<Hit> {
+        let mut best = None;
+        let wanted = Wanted::All(&mut best, met);
+        dispatch!(Level::new(), simd => walk(simd, self, ray, None, wanted, &mut ()));
         best
     }
 
     /// See [`crate::structure::Structure::occluded`].
     pub fn occluded(&self, ray: &Ray, except: Option<u32>) -> bool {
         let mut found = false;
-        dispatch!(Level::new(), simd => walk(simd, self, ray, except, Wanted::Any(&mut found)));
+        dispatch!(Level::new(), simd => walk(simd, self, ray, except, Wanted::Any(&mut found), &mut ()));
         found
     }
 }
@@ -27,6 +46,7 @@ impl Bvh {
 /// What a walk looks for, and where it puts it.
 enum Wanted<'a> {
     Nearest(&'a mut Option<Hit>),
+    All(&'a mut Option<Hit>, &'a mut dyn FnMut(f32, u32)),
     Any(&'a mut bool),
 }
 
@@ -34,7 +54,14 @@ enum Wanted<'a> {
 const STACK: usize = 128;
 
 #[simd]
-fn walk<S: Simd>(simd: S, bvh: &Bvh, ray: &Ray, except: Option<u32>, mut wanted: Wanted) {
+fn walk<S: Simd, O: Observer>(
+    simd: S,
+    bvh: &Bvh,
+    ray: &Ray,
+    except: Option<u32>,
+    mut wanted: Wanted,
+    observer: &mut O,
+) {
     let Some(root) = bvh.root() else { return };
     let inv_direction = ray.inv_direction();
     let mut t_far = ray.t_max;
@@ -48,6 +75,7 @@ fn walk<S: Simd>(simd: S, bvh: &Bvh, ray: &Ray, except: Option<u32>, mut wanted:
         }
         if place.level == 0 {
             let leaf = place.index as usize;
+            observer.visit(0, LEAF as u64);
             let (t, mut met) = enter_leaf(simd, bvh, leaf, ray, t_far);
             if let Some(except) = except.filter(|&except| except as usize / LEAF == leaf) {
                 met &= !(1 << (except as usize % LEAF));
@@ -67,11 +95,21 @@ fn walk<S: Simd>(simd: S, bvh: &Bvh, ray: &Ray, except: Option<u32>, mut wanted:
                         t_far = t_far.min(t[lane]);
                     }
                 }
+                Wanted::All(best, told) => {
+                    while met != 0 {
+                        let lane = met.trailing_zeros() as usize;
+                        met &= met - 1;
+                        let node = (leaf * LEAF + lane) as u32;
+                        told(t[lane], node);
+                        Hit::keep_nearer(best, t[lane], node, &bvh.ids);
+                    }
+                }
                 Wanted::Any(_) => {}
             }
             continue;
         }
         // Meet the eight boxes at once.
+        observer.visit(1, 0);
         let (enter, leave) = bvh.node(place).cross(simd, ray, inv_direction, bvh.slack);
         let enter = enter.max(f32x8::splat(simd, ray.t_min));
         let leave = leave.min(f32x8::splat(simd, t_far));
