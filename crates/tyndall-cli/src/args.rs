@@ -9,6 +9,7 @@ use tyndall::scene::coloring::{Coloring, Norm, Range};
 use tyndall::scene::colormap::Colormap;
 use tyndall::scene::viewpoint::Side;
 
+use crate::bench_culling::CullingBench;
 use crate::culling::CullingArgs;
 use crate::medium::args::Medium;
 use crate::values::{Background, Degrees, Ortho, Size, Slice, count, length, point};
@@ -278,9 +279,9 @@ pub(crate) struct Method {
 /// Which structure finds what a ray meets.
 #[derive(Args)]
 pub(crate) struct StructureArgs {
-    /// Structure over the particles; unless packed, all give the same picture
-    #[arg(long, value_name = "NAME", default_value = "bvh")]
-    pub(crate) structure: StructureName,
+    /// Structure over the particles; unless packed, all give the same picture [default: bvh, for bench culling pkd]
+    #[arg(long, value_name = "NAME")]
+    pub(crate) structure: Option<StructureName>,
     /// Bits of a coordinate in a leaf of bvh, less memory for small errors that are measured and told: exact 16 11 8
     #[arg(long, value_name = "BITS", default_value = "exact")]
     pub(crate) pack: Pack,
@@ -365,9 +366,9 @@ pub(crate) struct Bench {
     /// Particle counts
     #[arg(long, value_name = "COUNTS", value_delimiter = ',', default_value = "1e6", value_parser = count)]
     pub(crate) n: Vec<u64>,
-    /// Sets of particles
-    #[arg(long, value_name = "NAMES", value_delimiter = ',', default_value = "packed,uniform,clustered")]
-    pub(crate) sets: Vec<String>,
+    /// Sets of particles [default: packed,uniform,clustered, for culling nozzle,virion,fluid,ablation]
+    #[arg(long, value_name = "NAMES", value_delimiter = ',')]
+    pub(crate) sets: Option<Vec<String>>,
     /// Pixels across and down; other than the default compares with nothing
     #[arg(long, value_name = "WxH", default_value = "800x800")]
     pub(crate) size: Size,
@@ -376,6 +377,8 @@ pub(crate) struct Bench {
     pub(crate) json: bool,
     #[command(flatten)]
     pub(crate) structure: StructureArgs,
+    #[command(flatten)]
+    pub(crate) culling: CullingBench,
     #[command(flatten)]
     pub(crate) common: Common,
 }
@@ -386,4 +389,6 @@ pub(crate) enum BenchWhat {
     Spheres,
     /// Density, light and march, as in the tables of Cha, Son and Ihm 2009
     Medium,
+    /// Culling by confidence, as in chapter 6 of Walloner 2022: a report with pictures
+    Culling,
 }

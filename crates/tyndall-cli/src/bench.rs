@@ -5,8 +5,8 @@
 //! again and again in the same memory, as a viewer makes them; one before those that count. `AO` is one ray a sample to the sky, the
 //! default look has one to the key light as well. Single rays are asked of `bvh` and of `pkd` over the same particles.
 
-mod rays;
-mod table;
+pub(crate) mod rays;
+pub(crate) mod table;
 
 use std::time::Instant;
 
@@ -23,10 +23,10 @@ use tyndall::structure::{Kind, Structure, pkd};
 use tyndall::{Image, synthetic};
 
 use crate::args;
-use crate::bench_medium;
 use crate::dry_run::check_memory;
 use crate::report::{Outcome, Report};
 use crate::structure;
+use crate::{bench_culling, bench_medium};
 use table::{Cell, Table};
 
 const PICTURES: [&str; 13] = [
@@ -58,8 +58,10 @@ const RAYS: [&str; 9] = [
 
 /// Measures every set at every count.
 pub(crate) fn run(args: &args::Bench, report: &Report) -> Outcome<()> {
-    if args.what == args::BenchWhat::Medium {
-        return bench_medium::run(report);
+    match args.what {
+        args::BenchWhat::Spheres => {}
+        args::BenchWhat::Medium => return bench_medium::run(report),
+        args::BenchWhat::Culling => return bench_culling::run(args, report),
     }
     let threads = rayon::current_num_threads();
     report.note(format_args!("tyndall {}, {threads} threads", env!("CARGO_PKG_VERSION")));
@@ -70,8 +72,10 @@ pub(crate) fn run(args: &args::Bench, report: &Report) -> Outcome<()> {
         pictures: Table::new(&PICTURES),
         rays: Table::new(&RAYS),
     };
+    let plain = ["packed", "uniform", "clustered"].map(String::from);
+    let sets = args.sets.as_deref().unwrap_or(&plain);
     for &count in &args.n {
-        for set in &args.sets {
+        for set in sets {
             bench.measure(set, count)?;
         }
     }
@@ -237,13 +241,13 @@ fn median(mut times: Vec<f64>) -> f64 {
 }
 
 /// Lets the most memory be counted anew, where the system does that.
-fn forget_peak() {
+pub(crate) fn forget_peak() {
     // Elsewhere the peak is that of all sets so far.
     let _ = std::fs::write("/proc/self/clear_refs", "5");
 }
 
 /// The most memory that the process has had, where the system tells.
-fn peak_bytes() -> Option<u64> {
+pub(crate) fn peak_bytes() -> Option<u64> {
     let status = std::fs::read_to_string("/proc/self/status").ok()?;
     let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
     Some(line.trim().strip_suffix("kB")?.trim().parse::<u64>().ok()? * 1024)

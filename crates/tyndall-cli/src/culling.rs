@@ -3,7 +3,7 @@
 use clap::builder::RangedU64ValueParser;
 use clap::{Args, ValueEnum};
 use tyndall::render::Culling;
-use tyndall::render::confidence::{Interpolation, Neighborhood, Options};
+use tyndall::render::confidence::{Interpolation, Neighborhood, Options, Population};
 
 /// How hidden particles are left out.
 #[derive(Args)]
@@ -49,6 +49,9 @@ pub(crate) struct ConfidenceArgs {
     /// Level of the depth-confidence pyramid that decides, instead of the square around each pixel
     #[arg(long, value_name = "LEVEL", conflicts_with = "kernel_size", value_parser = RangedU64ValueParser::<u32>::new().range(0..=8))]
     pyramid_level: Option<u32>,
+    /// Which particles a pixel's samples are drawn from (N)
+    #[arg(long, value_name = "WHICH", default_value = "frustum")]
+    population: PopulationName,
     /// Samples within which a nearer depth has to pay off (N_budget)
     #[arg(long, value_name = "N", default_value_t = 25)]
     sample_budget: u32,
@@ -61,6 +64,15 @@ pub(crate) enum CullingName {
     Off,
     /// Where a pixel is likely to be covered, after Walloner 2022: lossy
     Confidence,
+}
+
+/// Which particles a pixel's samples are drawn from.
+#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum PopulationName {
+    /// All of its frustum that is not culled, as in the thesis
+    Frustum,
+    /// Those up to the depth in question: fewer artifacts, less culling
+    Depth,
 }
 
 /// Yes or no.
@@ -87,6 +99,10 @@ impl ConfidenceArgs {
                 Some(level) => Neighborhood::Pyramid(level),
                 None => Neighborhood::Kernel(self.kernel_size),
             },
+            population: match self.population {
+                PopulationName::Frustum => Population::Frustum,
+                PopulationName::Depth => Population::UpToDepth,
+            },
             sample_budget: self.sample_budget,
         }
     }
@@ -106,12 +122,16 @@ pub(crate) fn description(culling: &Culling) -> String {
         Culling::Off => "no culling".into(),
         Culling::Confidence(options) => {
             let yes = |on: bool| if on { "yes" } else { "no" };
+            let population = match options.population {
+                Population::Frustum => "frustum",
+                Population::UpToDepth => "depth",
+            };
             let together = match options.neighborhood {
                 Neighborhood::Kernel(edge) => format!("ks {edge}"),
                 Neighborhood::Pyramid(level) => format!("pyramid level {level}"),
             };
             format!(
-                "culling by confidence (vc {}, C_occ {}, ci {}, spp {}, dq {}, di {}, {together}, N_budget {}): \
+                "culling by confidence (vc {}, C_occ {}, ci {}, spp {}, dq {}, di {}, {together}, N of the {population}, N_budget {}): \
                  lossy, it may show background where there are particles",
                 options.voxel_count,
                 options.occlusion_confidence,
@@ -145,7 +165,7 @@ mod tests {
 
     #[test]
     fn the_names_of_the_thesis_are_understood() {
-        let words = "test --culling confidence --vc 512 --c-occ 0.9 --ci 64 --spp 16 --dq no --di yes --ks 3";
+        let words = "test --culling confidence --vc 512 --c-occ 0.9 --ci 64 --spp 16 --dq no --di yes --ks 3 --population depth";
         let line = Line::parse_from(words.split(' '));
         let expected = Options {
             voxel_count: 512,
@@ -155,12 +175,15 @@ mod tests {
             depth_quantization: false,
             density_interpolation: Interpolation::Trilinear,
             neighborhood: Neighborhood::Kernel(3),
+            population: Population::UpToDepth,
             sample_budget: 25,
         };
         assert_eq!(culling(&line.args), Culling::Confidence(expected));
         let text = description(&Culling::Confidence(expected));
         assert!(
-            text.contains("vc 512, C_occ 0.9, ci 64, spp 16, dq no, di yes, ks 3, N_budget 25"),
+            text.contains(
+                "vc 512, C_occ 0.9, ci 64, spp 16, dq no, di yes, ks 3, N of the depth, N_budget 25"
+            ),
             "{text}"
         );
     }

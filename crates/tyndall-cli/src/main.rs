@@ -4,6 +4,7 @@
 
 mod args;
 mod bench;
+mod bench_culling;
 mod bench_density;
 mod bench_medium;
 mod culling;

@@ -3,6 +3,7 @@
 //! A sample is any particle that a ray enters, not only the first (section 4.1). Two pairs are kept: the accumulation buffer
 //! follows nearer depths where that is likely to pay off, the cull buffer keeps the best so far (algorithm 2.1).
 
+use super::Population;
 use super::gaussian::GaussianIntegral;
 use super::histogram::Histogram;
 
@@ -30,7 +31,7 @@ impl Estimate {
     }
 
     /// Adds a sample in front of the depth (equations 5.1 and 5.4).
-    fn accumulate(&mut self, share: f32, population: f32) {
+    pub(super) fn accumulate(&mut self, share: f32, population: f32) {
         let unique = expected_unique(population, self.next);
         // Where the population shrank by a cut, fewer are expected than before: then there is nothing new.
         let new = (unique - self.unique).max(0.0);
@@ -80,14 +81,24 @@ impl Pixel {
 pub(crate) struct Accumulator {
     integral: GaussianIntegral,
     sample_budget: u32,
+    population: Population,
 }
 
 /// Standard deviations at which the acceptance probability's table ends.
 const NORMAL_LIMIT: f32 = 5.0;
 
 impl Accumulator {
-    pub(crate) fn new(sample_budget: u32) -> Self {
-        Self { integral: GaussianIntegral::new(NORMAL_LIMIT), sample_budget }
+    pub(crate) fn new(sample_budget: u32, population: Population) -> Self {
+        Self { integral: GaussianIntegral::new(NORMAL_LIMIT), sample_budget, population }
+    }
+
+    /// The particles that samples up to `depth` are drawn from, N; at least the one that asks.
+    fn population(&self, histogram: &Histogram, depth: f32) -> f32 {
+        let population = match self.population {
+            Population::Frustum => histogram.total(),
+            Population::UpToDepth => histogram.before(depth),
+        };
+        population.max(1.0)
     }
 
     /// One iteration of algorithm 2.1: a particle that covers `share` of the pixel was met at `depth`. `chance` is a random number
@@ -100,10 +111,8 @@ impl Accumulator {
         share: f32,
         chance: impl FnOnce() -> f32,
     ) {
-        // A particle was met: there is at least one.
-        let population = histogram.total().max(1.0);
         if depth <= pixel.cull.depth {
-            pixel.cull.accumulate(share, population);
+            pixel.cull.accumulate(share, self.population(histogram, pixel.cull.depth));
         }
         if depth <= pixel.accumulation.depth {
             if depth < pixel.accumulation.depth
@@ -111,6 +120,7 @@ impl Accumulator {
             {
                 pixel.accumulation = Estimate::first(depth, share);
             } else {
+                let population = self.population(histogram, pixel.accumulation.depth);
                 pixel.accumulation.accumulate(share, population);
             }
         }
@@ -136,7 +146,7 @@ impl Accumulator {
             return 0.0;
         }
         let wanted = current.occluded(histogram) / behind;
-        let population = total.max(1.0);
+        let population = self.population(histogram, depth);
         let Some(samples) = samples_needed(wanted, share, population) else { return 0.0 };
         self.at_least(samples.saturating_sub(1), histogram.before(depth) / total)
     }

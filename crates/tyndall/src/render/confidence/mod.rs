@@ -38,6 +38,8 @@ pub struct Options {
     pub density_interpolation: Interpolation,
     /// Which pixels decide together (`ks`).
     pub neighborhood: Neighborhood,
+    /// Which particles a pixel's samples are drawn from (`N`).
+    pub population: Population,
     /// Within so many samples a nearer depth has to pay off; 1 to 1,000 (`N_budget`).
     pub sample_budget: u32,
 }
@@ -49,6 +51,16 @@ pub enum Interpolation {
     Nearest,
     /// Linear along each axis, between eight voxels.
     Trilinear,
+}
+
+/// Which particles the samples of a pixel are drawn from, N of the thesis' equation 5.1.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Population {
+    /// All of the pixel's frustum that is not culled: the thesis. Only samples up to a depth count for it, so that where the
+    /// frustum holds many more behind, the same few particles are taken for ever new ones, and confidence is too high.
+    Frustum,
+    /// Those up to the depth that the confidence is about.
+    UpToDepth,
 }
 
 /// Which pixels decide together: by the mean of their confidences, for the largest of their depths.
@@ -85,6 +97,7 @@ impl Default for Options {
             depth_quantization: true,
             density_interpolation: Interpolation::Nearest,
             neighborhood: Neighborhood::Kernel(1),
+            population: Population::Frustum,
             sample_budget: 25,
         }
     }

@@ -5,7 +5,7 @@ use glam::{DVec3, Vec3};
 use super::accumulate::{Accumulator, Estimate, covered, expected_unique};
 use super::grid::DensityGrid;
 use super::histogram::Histogram;
-use super::{Interpolation, footprint};
+use super::{Interpolation, Population, footprint};
 use crate::particles::Radii;
 use crate::random::Stream;
 use crate::scene::camera::{Camera, Projection, View};
@@ -70,9 +70,8 @@ fn binomial_tail(trials: u32, wanted: u32, p: f64) -> f64 {
 
 #[test]
 fn acceptance_is_near_the_exact_binomial() {
-    let mut worst: f64 = 0.0;
     for budget in [25, 100] {
-        let accumulator = Accumulator::new(budget);
+        let accumulator = Accumulator::new(budget, Population::Frustum);
         for step in 1..100 {
             let p = f64::from(step) / 100.0;
             for wanted in 0..=budget {
@@ -80,16 +79,12 @@ fn acceptance_is_near_the_exact_binomial() {
                 let found = f64::from(accumulator.at_least(wanted, p as f32));
                 let variance = f64::from(budget) * p * (1.0 - p);
                 // The error of the normal distribution falls with the variance (Berry and Esseen).
-                let tolerance = 0.13 / variance.sqrt().max(1.0);
+                let tolerance = if variance < 1.0 { 0.11 } else { 0.066 / variance.sqrt() };
                 assert!((found - exact).abs() < tolerance, "{budget} {wanted} {p}: {found} {exact}");
-                if variance > 5.0 {
-                    worst = worst.max((found - exact).abs());
-                }
             }
         }
     }
-    assert!(worst < 0.012, "{worst}");
-    let accumulator = Accumulator::new(25);
+    let accumulator = Accumulator::new(25, Population::Frustum);
     assert_eq!([0, 1, 25, 26].map(|wanted| accumulator.at_least(wanted, 1.0)), [1.0, 1.0, 1.0, 0.0]);
     assert_eq!([0, 1, 25, 26].map(|wanted| accumulator.at_least(wanted, 0.0)), [1.0, 0.0, 0.0, 0.0]);
 }
@@ -192,9 +187,9 @@ fn shares_of_voxels_are_near_the_volumes_of_the_particle_in_them() {
 
 #[test]
 fn the_histogram_counts_the_particles_of_the_frustum() {
-    // Of the grid's resolution or finer: a pixel is as wide as a few voxels.
+    // Voxels of about a hundred particles, nearly as wide as a pixel.
     let structure = cloud("uniform?n=400000&seed=8", 0.001);
-    let grid = DensityGrid::new(&structure, 50).unwrap();
+    let grid = DensityGrid::new(&structure, 16).unwrap();
     for direction in [DVec3::X, DVec3::NEG_Z, DVec3::new(1.0, 0.6, -0.8), DVec3::ONE] {
         for projection in PROJECTIONS {
             let view = view(&structure, direction, projection);
@@ -205,8 +200,6 @@ fn the_histogram_counts_the_particles_of_the_frustum() {
                     let ray = view.ray(x as f32 + 0.5, y as f32 + 0.5);
                     let mut histogram = Histogram::default();
                     histogram.march(&grid, &view, &ray, interpolation);
-                    let scale = footprint::population(grid.mean_radius(), 1.0e9) / 1.0;
-                    assert!((scale - 1.0).abs() < 1e-5);
                     for (end, marched) in ends.iter().zip(&mut marched) {
                         *marched += histogram.before(*end);
                     }
@@ -225,8 +218,8 @@ fn the_histogram_counts_the_particles_of_the_frustum() {
                     }
                 }
                 for (counted, marched) in counted.into_iter().zip(marched) {
-                    // Half a percent by what the small particles reach over, and the noise of the samples.
-                    let tolerance = 0.04 * counted + 30.0;
+                    // Half a percent by what particles reach over, and the noise of about a thousand.
+                    let tolerance = 0.07 * counted + 30.0;
                     assert!(
                         (counted - marched).abs() < tolerance,
                         "{direction} {projection:?} {interpolation:?}: {counted} {marched}"
@@ -302,7 +295,8 @@ fn the_march_is_that_of_a_slow_one() {
             let back = histogram.back_of_slab(t);
             assert!(back >= t, "{back} {t}");
             assert!(histogram.before(back) >= histogram.before(t));
-            assert_eq!(histogram.before(t) + histogram.behind(t), histogram.total(), "{t}");
+            let sum = histogram.before(t) + histogram.behind(t);
+            assert!((sum - histogram.total()).abs() <= 1e-5 * sum, "{t}");
         }
     }
     assert!(met > 500, "{met}");
@@ -328,7 +322,7 @@ fn a_nearer_depth_is_taken_if_it_can_pay_off_within_the_budget() {
     let view = view(&structure, DVec3::X, PROJECTIONS[0]);
     let mut histogram = Histogram::default();
     histogram.march(&grid, &view, &view.ray(6.5, 6.5), Interpolation::Nearest);
-    let accumulator = Accumulator::new(25);
+    let accumulator = Accumulator::new(25, Population::Frustum);
     let share = 0.05;
     let accept = |current: &Estimate, depth| accumulator.acceptance(current, &histogram, depth, share);
     // Before any sample any depth is better.
@@ -343,6 +337,47 @@ fn a_nearer_depth_is_taken_if_it_can_pay_off_within_the_budget() {
     for (depth, chance) in [2.52, 2.6, 2.8, 3.0, 3.15].into_iter().zip(chances) {
         assert!(accept(&unsure, depth) >= chance, "{depth}");
     }
+}
+
+#[test]
+fn confidence_becomes_the_share_that_is_covered_if_samples_are_drawn_from_what_is_counted() {
+    // Discs at random places without structure, all that the model asks for; about thirty a pixel, a quarter of them nearer.
+    let radius = 0.02;
+    let particles = synthetic::generate("uniform?n=3000&seed=6", &()).unwrap();
+    let kind = Kind::Pkd(crate::structure::pkd::Options::default());
+    let structure = Structure::build(kind, particles, &Radii::Uniform(radius), 1.0, &()).unwrap();
+    let grid = DensityGrid::new(&structure, 12).unwrap();
+    let view = view(&structure, DVec3::Z, PROJECTIONS[0]);
+    let share = footprint::share(radius / view.pixel);
+    let depth = 2.75;
+    let (mut believed, mut covered) = ([0.0; 2], 0.0);
+    let (pixels, samples) = (64, 600);
+    for at in 0..pixels {
+        let (x, y) = ((2 + at % 8) as f32, (2 + at / 8) as f32);
+        let mut histogram = Histogram::default();
+        histogram.march(&grid, &view, &view.ray(x + 0.5, y + 0.5), Interpolation::Nearest);
+        let mut stream = Stream::new(17, at);
+        let mut estimates = [Estimate { depth, ..Estimate::NONE }; 2];
+        for _ in 0..samples {
+            let ray = view.ray(x + stream.unit(), y + stream.unit());
+            let first = structure.hits(&ray, &mut |t, _| {
+                if t <= depth {
+                    let populations = [histogram.total(), histogram.before(depth)];
+                    for (estimate, population) in estimates.iter_mut().zip(populations) {
+                        estimate.accumulate(share, population.max(1.0));
+                    }
+                }
+            });
+            covered += f32::from(u8::from(first.is_some_and(|hit| hit.t <= depth))) / samples as f32;
+        }
+        for (sum, estimate) in believed.iter_mut().zip(estimates) {
+            *sum += estimate.confidence;
+        }
+    }
+    let [of_frustum, of_depth, covered] = [believed[0], believed[1], covered].map(|sum| sum / pixels as f32);
+    assert!((of_depth - covered).abs() < 0.05, "seed 17: {of_depth} {covered}");
+    // Drawn from all of the frustum, as the thesis has it, the same few particles are taken for ever new ones.
+    assert!(of_frustum > 0.95 && covered < 0.75, "seed 17: {of_frustum} {covered}");
 }
 
 #[test]

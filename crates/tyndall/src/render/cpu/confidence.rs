@@ -44,7 +44,7 @@ impl Confidence {
         Ok(Self {
             options,
             grid: DensityGrid::new(scene.structure(), options.voxel_count)?,
-            accumulator: Accumulator::new(options.sample_budget),
+            accumulator: Accumulator::new(options.sample_budget, options.population),
             width: film.width as usize,
             height: film.height as usize,
             tiles: vec![[Pixel::NEW; FILM_PIXELS]; film.tiles.len()],
