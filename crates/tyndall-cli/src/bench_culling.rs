@@ -17,7 +17,6 @@ use std::path::PathBuf;
 use std::time::Instant;
 
 use clap::Args;
-use tyndall::render::confidence::Options;
 use tyndall::scene::Scene;
 use tyndall::scene::coloring::{Coloring, Range};
 use tyndall::scene::light::Lighting;
@@ -29,8 +28,8 @@ use crate::args;
 use crate::bench::{forget_peak, peak_bytes, rays};
 use crate::report::{Failure, Outcome, Report};
 use crate::structure;
-use measure::{Measured, Windows};
-use sets::{SETS, Set, VIEWS, cameras};
+use measure::{Culler, Measured, Windows};
+use sets::{SETS, Set, cameras};
 
 /// With `bench culling`.
 #[derive(Args)]
@@ -123,12 +122,14 @@ fn evaluate(set: &'static Set, kind: Kind, args: &args::Bench, report: &Report) 
 
     let frames = args.culling.frames;
     let cameras = cameras(&scene);
+    let windows = cameras.map(|camera| Windows::of(&camera, args.culling.window));
+    let mut culler = Culler::new(&scene, &windows[0], set.options, frames)?;
     let mut views = Vec::new();
-    for camera in &cameras {
-        let windows = Windows::of(camera, args.culling.window);
-        let off = measure::off(&scene, &windows, report)?;
-        views.push(measure::culled(&scene, &windows, set.options, frames, &off, report)?);
+    for windows in &windows {
+        let off = measure::off(&scene, windows, report)?;
+        views.push(culler.measure(windows, &off, report)?);
     }
+    drop(culler);
     let mut evaluated = Evaluated {
         set,
         particles: scene.structure().len(),
@@ -168,10 +169,9 @@ fn variants(scene: &Scene, args: &args::Bench, evaluated: &mut Evaluated, report
     let windows = Windows::of(&cameras(scene)[view], args.culling.window);
     let off = measure::off(scene, &windows, report)?;
     for (name, options) in variants {
-        let options: Options = options;
-        let measured = measure::culled(scene, &windows, options, args.culling.frames, &off, report)?;
+        let mut culler = Culler::new(scene, &windows, options, args.culling.frames)?;
+        let measured = culler.measure(&windows, &off, report)?;
         evaluated.variants.push((name, measured));
     }
-    debug_assert!(view < VIEWS.len());
     Ok(())
 }

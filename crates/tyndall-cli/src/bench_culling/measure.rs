@@ -119,76 +119,100 @@ pub(super) fn off(scene: &Scene, windows: &Windows, report: &Report) -> Outcome<
     Ok(off)
 }
 
-/// Renders the windows with culling until they have converged, at most `frames` frames, and then again.
-pub(super) fn culled(
-    scene: &Scene,
-    windows: &Windows,
+/// A renderer of windows that culls, for one view after the other: its density grid is that of the scene.
+pub(super) struct Culler<'a> {
+    scene: &'a Scene,
+    renderer: Renderer<'a>,
     options: Options,
     frames: u32,
-    off: &Off,
-    report: &Report,
-) -> Outcome<Measured> {
-    let samples = options.frame_samples * frames.max(COMPARED);
-    let settings = windows.settings(samples, Culling::Confidence(options));
-    let start = Instant::now();
-    let mut renderer = Renderer::new(scene, &windows.cameras[0], &settings)?;
-    let grid_secs = start.elapsed().as_secs_f64();
-    // By window the seconds of its frames, and of one when it has converged.
-    let mut times: Vec<(Vec<f64>, f64)> = Vec::new();
-    let (mut images, mut converged, mut cut, mut visits) = (Vec::new(), 0.0, 0, [Visits::default(); 3]);
-    for camera in &windows.cameras {
+    grid_secs: f64,
+}
+
+impl<'a> Culler<'a> {
+    /// For windows like these, which are taken to have converged after `frames` frames.
+    pub(super) fn new(scene: &'a Scene, windows: &Windows, options: Options, frames: u32) -> Outcome<Self> {
+        let samples = options.frame_samples * frames.max(COMPARED);
+        let settings = windows.settings(samples, Culling::Confidence(options));
+        let start = Instant::now();
+        let renderer = Renderer::new(scene, &windows.cameras[0], &settings)?;
+        Ok(Self { scene, renderer, options, frames, grid_secs: start.elapsed().as_secs_f64() })
+    }
+
+    /// Renders the windows until they have converged, and then again, beside what was rendered without culling.
+    pub(super) fn measure(&mut self, windows: &Windows, off: &Off, report: &Report) -> Outcome<Measured> {
+        let count = windows.cameras.len();
+        let mut seen = Vec::with_capacity(count);
+        for camera in &windows.cameras {
+            seen.push(self.window(camera, windows.edge, report)?);
+        }
+        let longest = seen.iter().map(|window| window.frame_secs.len()).max().unwrap_or(0);
+        let frame = |number: usize| {
+            let secs = seen.iter().map(|it| it.frame_secs.get(number).copied().unwrap_or(it.after_secs));
+            secs.sum::<f64>() / windows.share
+        };
+        let pixels = count as f64 * f64::from(windows.edge * windows.edge);
+        let visits = [0, 1, 2].map(|kind| Visited {
+            nodes: seen.iter().map(|window| window.visits[kind].nodes as f64).sum::<f64>() / pixels,
+            particles: seen.iter().map(|window| window.visits[kind].particles as f64).sum::<f64>() / pixels,
+        });
+        let known = self.renderer.confidence();
+        let whole = f64::from(EDGE * EDGE) / f64::from(windows.edge * windows.edge);
+        Ok(Measured {
+            off_secs: off.secs,
+            frame_secs: (0..longest).map(frame).collect(),
+            after_secs: seen.iter().map(|window| window.after_secs).sum::<f64>() / windows.share,
+            converged: seen.iter().map(|window| window.converged).sum::<f64>() / count as f64,
+            cut: seen.iter().map(|window| window.cut as f64).sum::<f64>() / pixels,
+            visits,
+            grid_secs: self.grid_secs,
+            grid_bytes: known.as_ref().map_or(0, |known| known.grid_bytes),
+            pixel_bytes: known.map_or(0, |known| (known.pixel_bytes as f64 * whole) as u64),
+            quality: quality(&off.images, &seen.into_iter().map(|window| window.image).collect::<Vec<_>>()),
+        })
+    }
+
+    /// One window.
+    fn window(&mut self, camera: &Camera, edge: u32, report: &Report) -> Outcome<Seen> {
+        let renderer = &mut self.renderer;
         renderer.restart(camera)?;
-        let mut secs = Vec::new();
-        while secs.len() < frames as usize && renderer.confidence().is_some_and(|it| it.converged < 1.0) {
+        let mut frame_secs = Vec::new();
+        let (mut depths, mut converged) = (Vec::new(), 0.0);
+        while frame_secs.len() < self.frames as usize && converged < 1.0 {
             let start = Instant::now();
             renderer.pass(report.progress())?;
-            secs.push(start.elapsed().as_secs_f64());
+            frame_secs.push(start.elapsed().as_secs_f64());
+            if let Some(known) = renderer.confidence() {
+                (depths, converged) = (known.depths, known.converged);
+            }
         }
-        let Some(known) = renderer.confidence() else { continue };
-        converged += known.converged / windows.cameras.len() as f64;
-        cut += known.depths.iter().filter(|depth| depth.is_finite()).count();
         renderer.settle();
         let start = Instant::now();
-        for _ in 0..COMPARED / options.frame_samples {
+        let frames = COMPARED / self.options.frame_samples;
+        for _ in 0..frames {
             renderer.pass(report.progress())?;
         }
-        let frames = f64::from(COMPARED / options.frame_samples);
-        times.push((secs, start.elapsed().as_secs_f64() / frames));
-        images.push(renderer.image());
-        let view = camera.view(scene.structure().origin(), windows.edge, windows.edge)?;
-        for visited in visited(scene.structure(), &view, windows.edge, &known.depths) {
+        let after_secs = start.elapsed().as_secs_f64() / f64::from(frames);
+        let view = camera.view(self.scene.structure().origin(), edge, edge)?;
+        let mut visits = [Visits::default(); 3];
+        for visited in visited(self.scene.structure(), &view, edge, &depths) {
             for (sum, one) in visits.iter_mut().zip(visited) {
                 sum.nodes += one.nodes;
                 sum.particles += one.particles;
             }
         }
+        let cut = depths.iter().filter(|depth| depth.is_finite()).count();
+        Ok(Seen { frame_secs, after_secs, converged, cut, visits, image: renderer.image() })
     }
-    let known = renderer.confidence();
-    let longest = times.iter().map(|(secs, _)| secs.len()).max().unwrap_or(0);
-    let frame = |number: usize| {
-        let of_window = |(secs, after): &(Vec<f64>, f64)| secs.get(number).copied().unwrap_or(*after);
-        times.iter().map(of_window).sum::<f64>() / windows.share
-    };
-    let pixels = windows.cameras.len() * (windows.edge * windows.edge) as usize;
-    let mean = |sum: Visits| Visited {
-        nodes: sum.nodes as f64 / pixels as f64,
-        particles: sum.particles as f64 / pixels as f64,
-    };
-    Ok(Measured {
-        off_secs: off.secs,
-        frame_secs: (0..longest).map(frame).collect(),
-        after_secs: times.iter().map(|(_, after)| after).sum::<f64>() / windows.share,
-        converged,
-        cut: cut as f64 / pixels as f64,
-        visits: visits.map(mean),
-        quality: quality(&off.images, &images),
-        grid_secs,
-        grid_bytes: known.as_ref().map_or(0, |known| known.grid_bytes),
-        pixel_bytes: known.map_or(0, |known| {
-            let pixels = f64::from(windows.edge * windows.edge);
-            (known.pixel_bytes as f64 * f64::from(EDGE * EDGE) / pixels) as u64
-        }),
-    })
+}
+
+/// A window with culling.
+struct Seen {
+    frame_secs: Vec<f64>,
+    after_secs: f64,
+    converged: f64,
+    cut: usize,
+    visits: [Visits; 3],
+    image: Image,
 }
 
 /// What the ray through each pixel's center visits: up to where it ends without culling, with the pixels' `depths`, and if it knew

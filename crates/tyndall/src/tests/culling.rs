@@ -8,7 +8,7 @@ use crate::math::{Ray, enter_sphere};
 use crate::particles::Radii;
 use crate::render::confidence::{Interpolation, Neighborhood, Options, Population};
 use crate::render::{Culling, Renderer, Settings, render};
-use crate::scene::camera::{Camera, Projection};
+use crate::scene::camera::Camera;
 use crate::scene::color::ParticleColors;
 use crate::scene::light::Lighting;
 use crate::scene::{Scene, camera as cameras};
