@@ -21,7 +21,7 @@ use tyndall::scene::Scene;
 use tyndall::scene::coloring::{Coloring, Range};
 use tyndall::scene::light::Lighting;
 use tyndall::scene::{automatic, color};
-use tyndall::structure::{Kind, Structure, pkd};
+use tyndall::structure::{Kind, Structure, pkd, treelets};
 use tyndall::{Error, Particles, synthetic};
 
 use crate::args;
@@ -111,7 +111,8 @@ fn evaluate(set: &'static Set, kind: Kind, args: &args::Bench, report: &Report) 
     report.note(format_args!("{}: {} particles", set.name, tyndall::scene::grouped(particles.len())));
     let mut structures = Vec::new();
     // Other structures are asked for rays only; the one that is measured comes last and stays.
-    for other in [Kind::default(), Kind::Pkd(pkd::Options::default())] {
+    let treelets = Kind::Treelets(treelets::Options::default());
+    for other in [Kind::default(), treelets, Kind::Pkd(pkd::Options::default())] {
         if std::mem::discriminant(&other) != std::mem::discriminant(&kind) {
             build(particles.clone(), other, &mut structures, report)?;
         }

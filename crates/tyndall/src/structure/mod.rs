@@ -6,8 +6,11 @@
 
 mod build;
 pub mod bvh;
+mod heap;
 mod pages;
 pub mod pkd;
+mod search;
+pub mod treelets;
 
 use glam::{DVec3, Vec3};
 
@@ -17,9 +20,11 @@ use crate::particles::{Particles, Radii};
 use crate::progress::Progress;
 use crate::source::Source;
 use build::{Record, records};
+use search::{Every, Observer, Search};
 
 pub use bvh::{Bvh, Packing, PackingError};
 pub use pkd::Pkd;
+pub use treelets::Treelets;
 
 /// The particles as a structure sees them: centers, as offsets from the particles' origin, and radii.
 #[derive(Clone, Copy)]
@@ -91,29 +96,10 @@ impl Hit {
 /// What finding a hit took.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Visits {
-    /// Nodes that were opened. A P-k-d tree has a node a particle.
+    /// Nodes that were opened: boxes of a hierarchy together, one particle of a k-d tree with its cut.
     pub nodes: u64,
-    /// Particles that were tested; all others are in subtrees that were skipped.
+    /// Particles that were tested; all others lie in subtrees that were skipped.
     pub particles: u64,
-}
-
-/// Is told what a walk visits. `()` is told nothing, and costs nothing.
-trait Observer {
-    /// So many more nodes were opened and particles tested.
-    fn visit(&mut self, nodes: u64, particles: u64);
-}
-
-impl Observer for () {
-    #[inline(always)]
-    fn visit(&mut self, _nodes: u64, _particles: u64) {}
-}
-
-impl Observer for Visits {
-    #[inline(always)]
-    fn visit(&mut self, nodes: u64, particles: u64) {
-        self.nodes += nodes;
-        self.particles += particles;
-    }
 }
 
 /// Which structure to build.
@@ -123,6 +109,8 @@ pub enum Kind {
     Bvh(Packing),
     /// A balanced k-d tree in place.
     Pkd(pkd::Options),
+    /// Wide nodes over small k-d trees in place.
+    Treelets(treelets::Options),
     /// None: every particle is tried.
     Brute,
 }
@@ -145,6 +133,7 @@ pub struct Structure {
 pub(crate) enum Store {
     Bvh(Bvh),
     Pkd(Pkd),
+    Treelets(Treelets),
     Brute(Brute),
 }
 
@@ -154,6 +143,7 @@ macro_rules! each_store {
         match $store {
             Store::Bvh($held) => $body,
             Store::Pkd($held) => $body,
+            Store::Treelets($held) => $body,
             Store::Brute($held) => $body,
         }
     };
@@ -214,12 +204,12 @@ impl Structure {
 
     /// As [`Structure::intersect`], and counts in `visits` what that took.
     pub fn intersect_counted(&self, ray: &Ray, visits: &mut Visits) -> Option<Hit> {
-        each_store!(&self.store, store => store.nearest(ray, None, visits))
+        each_store!(&self.store, store => store.search(Search::observed(ray, visits)))
     }
 
     /// Calls `met` with distance and node of every particle that `ray` enters, in no order, and returns the first one along it.
     pub fn hits(&self, ray: &Ray, met: &mut dyn FnMut(f32, u32)) -> Option<Hit> {
-        each_store!(&self.store, store => store.hits(ray, met))
+        each_store!(&self.store, store => store.search(Search::observed(ray, Every(met))))
     }
 
     /// Whether `ray` enters any particle but the one at node `except`.
@@ -268,7 +258,7 @@ impl Structure {
     pub fn packing_error(&self) -> Option<&PackingError> {
         match &self.store {
             Store::Bvh(bvh) => bvh.packing_error(),
-            Store::Pkd(_) | Store::Brute(_) => None,
+            Store::Pkd(_) | Store::Treelets(_) | Store::Brute(_) => None,
         }
     }
 
@@ -291,6 +281,7 @@ fn arrange<const N: usize>(
     Ok(match kind {
         Kind::Bvh(packing) => Store::Bvh(Bvh::build(records, radius, packing, progress)?),
         Kind::Pkd(options) => Store::Pkd(Pkd::build(records, radius, options, progress)?),
+        Kind::Treelets(options) => Store::Treelets(Treelets::build(records, radius, options, progress)?),
         Kind::Brute => Store::Brute(Brute::build(&records, radius)),
     })
 }
@@ -311,25 +302,23 @@ impl Brute {
     }
 
     fn intersect(&self, ray: &Ray, except: Option<u32>) -> Option<Hit> {
-        self.nearest(ray, except, &mut ())
-    }
-
-    fn nearest(&self, ray: &Ray, except: Option<u32>, observer: &mut impl Observer) -> Option<Hit> {
-        observer.visit(1, self.spheres.len() as u64);
         let mut best = None;
-        for (t, node) in self.entered(ray, except) {
+        for (t, node) in self.hits(ray, except) {
             Hit::keep_nearer(&mut best, t, node, &self.ids);
         }
         best
     }
 
-    fn hits(&self, ray: &Ray, met: &mut dyn FnMut(f32, u32)) -> Option<Hit> {
-        self.entered(ray, None).for_each(|(t, node)| met(t, node));
-        self.intersect(ray, None)
+    fn search<O: Observer>(&self, mut search: Search<O>) -> Option<Hit> {
+        search.visit(1, self.spheres.len() as u64);
+        for (node, &(center, radius)) in (0..).zip(&self.spheres) {
+            search.try_one(center, radius, node, &self.ids);
+        }
+        search.found()
     }
 
     fn occluded(&self, ray: &Ray, except: Option<u32>) -> bool {
-        self.entered(ray, except).next().is_some()
+        self.hits(ray, except).next().is_some()
     }
 
     fn sphere(&self, node: u32) -> (Vec3, f32) {
@@ -350,7 +339,7 @@ impl Brute {
         size_of_val(&self.spheres[..]) as u64
     }
 
-    fn entered(&self, ray: &Ray, except: Option<u32>) -> impl Iterator<Item = (f32, u32)> {
+    fn hits(&self, ray: &Ray, except: Option<u32>) -> impl Iterator<Item = (f32, u32)> {
         (0u32..).zip(&self.spheres).filter_map(move |(node, &(center, radius))| {
             let t = enter_sphere(ray, center, radius);
             (t < ray.t_max && except != Some(node)).then_some((t, node))
