@@ -3,14 +3,21 @@
 use clap::builder::RangedU64ValueParser;
 use clap::{Args, ValueEnum};
 use tyndall::render::Culling;
+use tyndall::render::certified::{self, Counts};
 use tyndall::render::confidence::{Interpolation, Neighborhood, Options, Population};
+use tyndall::scene::grouped;
+
+use crate::report::Report;
 
 /// How hidden particles are left out.
 #[derive(Args)]
 pub(crate) struct CullingArgs {
     /// How particles that others hide are left out
-    #[arg(long, value_name = "HOW", default_value = "off")]
+    #[arg(long, value_name = "HOW", default_value = "certified")]
     pub(crate) culling: CullingName,
+    /// Which proofs certified culling seeks
+    #[arg(long, value_name = "PROOF,...", value_delimiter = ',', default_values_t = ALL_PROOFS)]
+    certified: Vec<Proof>,
     #[command(flatten)]
     pub(crate) confidence: ConfidenceArgs,
 }
@@ -64,6 +71,63 @@ pub(crate) enum CullingName {
     Off,
     /// Where a pixel is likely to be covered, after Walloner 2022: lossy
     Confidence,
+    /// Where that is proven: the same picture, bit for bit
+    Certified,
+}
+
+/// What certified culling proves.
+#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Proof {
+    /// Nothing
+    None,
+    /// Single rays end at a clip depth, and go on behind it if they find nothing (pkd, treelets, brute)
+    Clip,
+    /// Passes after the first begin with the leaves that the first went through (bvh)
+    VisibleSet,
+    /// Shadow rays are answered by bounds in the space of the light (bvh)
+    LightBounds,
+}
+
+const ALL_PROOFS: [Proof; 3] = [Proof::Clip, Proof::VisibleSet, Proof::LightBounds];
+
+impl std::fmt::Display for Proof {
+    fn fmt(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
+        f.write_str(self.to_possible_value().expect("none is skipped").get_name())
+    }
+}
+
+/// The knobs of the library.
+fn certified_options(proofs: &[Proof]) -> certified::Options {
+    let seeks = |proof| proofs.contains(&proof);
+    certified::Options {
+        clip: seeks(Proof::Clip),
+        visible_set: seeks(Proof::VisibleSet),
+        light_bounds: seeks(Proof::LightBounds),
+    }
+}
+
+/// Tells what certified culling saved.
+pub(crate) fn tell(culling: &Culling, counts: &Counts, report: &Report) {
+    let Culling::Certified(options) = culling else { return };
+    let percent = |part: u64, all: u64| format!("{:.2} %", 100.0 * part as f64 / all.max(1) as f64);
+    if options.light_bounds && counts.light_points > 0 {
+        let all = counts.light_points;
+        let lit = all - counts.surely_shadowed - counts.traced;
+        report.detail(format_args!(
+            "light-bounds: {} points looked for light; surely lit {}, surely shadowed {}, traced {}",
+            grouped(all as usize),
+            percent(lit, all),
+            percent(counts.surely_shadowed, all),
+            percent(counts.traced, all),
+        ));
+    }
+    if options.clip && counts.clipped_rays > 0 {
+        report.detail(format_args!(
+            "clip: {} rays clipped, {} of them resumed",
+            grouped(counts.clipped_rays as usize),
+            percent(counts.resumed_rays, counts.clipped_rays),
+        ));
+    }
 }
 
 /// Which particles a pixel's samples are drawn from.
@@ -113,6 +177,7 @@ pub(crate) fn culling(args: &CullingArgs) -> Culling {
     match args.culling {
         CullingName::Off => Culling::Off,
         CullingName::Confidence => Culling::Confidence(args.confidence.options()),
+        CullingName::Certified => Culling::Certified(certified_options(&args.certified)),
     }
 }
 
@@ -120,6 +185,7 @@ pub(crate) fn culling(args: &CullingArgs) -> Culling {
 pub(crate) fn description(culling: &Culling) -> String {
     match culling {
         Culling::Off => "no culling".into(),
+        Culling::Certified(_) => "certified culling".into(),
         Culling::Confidence(options) => {
             let yes = |on: bool| if on { "yes" } else { "no" };
             let population = match options.population {
@@ -159,7 +225,7 @@ mod tests {
     #[test]
     fn defaults_are_those_of_the_library() {
         let line = Line::parse_from(["test"]);
-        assert_eq!(culling(&line.args), Culling::Off);
+        assert_eq!(culling(&line.args), Culling::default());
         assert_eq!(line.args.confidence.options(), Options::default());
     }
 

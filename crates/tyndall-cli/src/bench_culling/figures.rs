@@ -95,7 +95,7 @@ impl Artist<'_> {
         evaluated: &mut Evaluated,
     ) -> Outcome<()> {
         let camera = window(camera, corner, PART);
-        let off = Settings { width: PART, height: PART, samples: COMPARED, ..Settings::default() };
+        let off = Settings { width: PART, height: PART, samples: COMPARED, seed: 0, culling: Culling::Off };
         let off = tyndall::render::render(self.scene, &camera, &off, self.report.progress())?;
         let mut pictures = vec![("without culling".to_string(), Canvas::of(&off, 2))];
         for &(title, options) in knobs {

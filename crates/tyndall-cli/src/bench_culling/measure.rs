@@ -5,6 +5,7 @@ use std::time::Instant;
 use rayon::prelude::*;
 use tyndall::Image;
 use tyndall::math::Ray;
+use tyndall::render::certified;
 use tyndall::render::confidence::Options;
 use tyndall::render::{Culling, Renderer, Settings};
 use tyndall::scene::Scene;
@@ -57,10 +58,11 @@ pub(super) fn window(camera: &Camera, corner: [u32; 2], edge: u32) -> Camera {
     Camera { eye: camera.eye + shift, look_at: camera.look_at + shift, projection, ..*camera }
 }
 
-/// A view without culling.
+/// A view without culling, and with the certified kind, which shows the same.
 pub(super) struct Off {
     /// Of a frame of the whole picture.
     secs: f64,
+    certified_secs: f64,
     images: Vec<Image>,
 }
 
@@ -68,7 +70,9 @@ pub(super) struct Off {
 pub(super) struct Measured {
     /// Seconds of a frame of the whole picture without culling.
     pub(super) off_secs: f64,
-    /// The same by frame until all have converged.
+    /// The same with certified culling.
+    pub(super) certified_secs: f64,
+    /// The same with culling by confidence, by frame until all have converged.
     pub(super) frame_secs: Vec<f64>,
     /// The same after that.
     pub(super) after_secs: f64,
@@ -99,11 +103,24 @@ pub(super) struct Visited {
     pub(super) particles: f64,
 }
 
-/// Renders the windows without culling.
+/// Renders the windows without culling, and with the certified kind.
 pub(super) fn off(scene: &Scene, windows: &Windows, report: &Report) -> Outcome<Off> {
-    let mut off = Off { secs: 0.0, images: Vec::new() };
+    let certified = Culling::Certified(certified::Options::default());
+    let (certified_secs, _) = pictures(scene, windows, certified, report)?;
+    let (secs, images) = pictures(scene, windows, Culling::Off, report)?;
+    Ok(Off { secs, certified_secs, images })
+}
+
+/// The windows, and the seconds of a frame of the whole picture.
+fn pictures(
+    scene: &Scene,
+    windows: &Windows,
+    culling: Culling,
+    report: &Report,
+) -> Outcome<(f64, Vec<Image>)> {
+    let (mut secs, mut images) = (0.0, Vec::new());
     for camera in &windows.cameras {
-        let settings = windows.settings(COMPARED, Culling::Off);
+        let settings = windows.settings(COMPARED, culling);
         let mut renderer = Renderer::new(scene, camera, &settings)?;
         let mut fastest = f64::INFINITY;
         // The first run has to get its memory.
@@ -113,10 +130,10 @@ pub(super) fn off(scene: &Scene, windows: &Windows, report: &Report) -> Outcome<
             renderer.pass(report.progress())?;
             fastest = fastest.min(start.elapsed().as_secs_f64());
         }
-        off.secs += fastest * 4.0 / f64::from(COMPARED) / windows.share;
-        off.images.push(renderer.image());
+        secs += fastest * 4.0 / f64::from(COMPARED) / windows.share;
+        images.push(renderer.image());
     }
-    Ok(off)
+    Ok((secs, images))
 }
 
 /// A renderer of windows that culls, for one view after the other: its density grid is that of the scene.
@@ -159,6 +176,7 @@ impl<'a> Culler<'a> {
         let whole = f64::from(EDGE * EDGE) / f64::from(windows.edge * windows.edge);
         Ok(Measured {
             off_secs: off.secs,
+            certified_secs: off.certified_secs,
             frame_secs: (0..longest).map(frame).collect(),
             after_secs: seen.iter().map(|window| window.after_secs).sum::<f64>() / windows.share,
             converged: seen.iter().map(|window| window.converged).sum::<f64>() / count as f64,

@@ -90,7 +90,7 @@ impl Work {
     fn pixel_bytes(&self) -> u64 {
         let pixels = u64::from(self.settings.width) * u64::from(self.settings.height);
         let culling = match self.settings.culling {
-            Culling::Off => 0,
+            Culling::Off | Culling::Certified(_) => 0,
             Culling::Confidence(options) => {
                 let voxels = u64::from(options.voxel_count).pow(3).saturating_mul(VOXEL_BYTES);
                 voxels.saturating_add(pixels * CONFIDENCE_BYTES)

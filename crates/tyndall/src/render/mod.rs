@@ -3,6 +3,7 @@
 //! [`Renderer::pass`] adds up to sixteen samples to every pixel; [`Renderer::image`] is the picture so far. The same settings
 //! give the same picture, bit for bit, whatever the number of threads and the width of SIMD.
 
+pub mod certified;
 pub mod confidence;
 pub mod cpu;
 pub mod estimate;
@@ -33,18 +34,35 @@ pub struct Settings {
 }
 
 /// How particles that others hide are left out.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Culling {
     /// Not at all, beyond what each ray finds for itself.
-    #[default]
     Off,
     /// Where a pixel is likely to be covered. Lossy.
     Confidence(confidence::Options),
+    /// Where that is proven. The picture is that of `Off`, bit for bit.
+    Certified(certified::Options),
+}
+
+impl Culling {
+    /// Which proofs are sought.
+    fn certified(&self) -> certified::Options {
+        match self {
+            Self::Certified(options) => *options,
+            _ => certified::Options::OFF,
+        }
+    }
+}
+
+impl Default for Culling {
+    fn default() -> Self {
+        Self::Certified(certified::Options::default())
+    }
 }
 
 impl Default for Settings {
     fn default() -> Self {
-        Self { width: 1920, height: 1080, samples: 64, seed: 0, culling: Culling::Off }
+        Self { width: 1920, height: 1080, samples: 64, seed: 0, culling: Culling::default() }
     }
 }
 
@@ -56,6 +74,7 @@ pub struct Renderer<'a> {
     film: Film,
     culling: Option<cpu::Confidence>,
     samples_done: u32,
+    counts: certified::Counts,
     level: fearless_simd::Level,
 }
 
@@ -72,11 +91,12 @@ impl<'a> Renderer<'a> {
         let view = camera.view(scene.structure().origin(), width, height)?;
         let film = Film::new(width, height);
         let culling = match settings.culling {
-            Culling::Off => None,
+            Culling::Off | Culling::Certified(_) => None,
             Culling::Confidence(options) => Some(cpu::Confidence::new(scene, &film, options)?),
         };
         let level = fearless_simd::Level::new();
-        Ok(Self { scene, view, settings: *settings, film, culling, samples_done: 0, level })
+        let counts = certified::Counts::default();
+        Ok(Self { scene, view, settings: *settings, film, culling, samples_done: 0, counts, level })
     }
 
     /// Uses narrower SIMD than the machine has.
@@ -90,15 +110,31 @@ impl<'a> Renderer<'a> {
         self.samples_done >= self.settings.samples
     }
 
-    /// Adds up to sixteen samples to every pixel, with culling by confidence those of a frame. Fails only when interrupted; the film is then incomplete.
+    /// Adds up to sixteen samples to every pixel, with culling by confidence those of a frame. Fails only when interrupted; the
+    /// film is then incomplete.
     pub fn pass(&mut self, progress: &dyn Progress) -> Result<()> {
+        let pass = self.next_pass();
+        self.add(pass.as_slice(), progress)
+    }
+
+    /// Adds all samples that are missing, tile by tile. Fails only when interrupted; the film is then incomplete.
+    pub fn finish(&mut self, progress: &dyn Progress) -> Result<()> {
+        let pixels = u64::from(self.settings.width) * u64::from(self.settings.height);
+        let samples = u64::from(self.settings.samples - self.samples_done);
+        progress.begin("render", Some(pixels * samples), "samples");
+        let passes: Vec<cpu::Pass> = std::iter::from_fn(|| self.next_pass()).collect();
+        self.add(&passes, progress)
+    }
+
+    /// The next samples of every pixel, if any are missing; they count as done.
+    fn next_pass(&mut self) -> Option<cpu::Pass<'a>> {
         let left = self.settings.samples - self.samples_done;
         let at_once = match self.settings.culling {
-            Culling::Off => left,
+            Culling::Off | Culling::Certified(_) => left,
             Culling::Confidence(options) => left.min(options.frame_samples),
         };
         let count = match at_once {
-            0 => return Ok(()),
+            0 => return None,
             1..4 => 1,
             4..16 => 4,
             _ => 16,
@@ -109,10 +145,27 @@ impl<'a> Renderer<'a> {
             count,
             centered: self.settings.samples == 1,
         };
-        let pass = self.film.pass(self.scene, self.view, added);
-        cpu::for_each_tile(&mut self.film, &pass, self.culling.as_mut(), self.level, progress);
         self.samples_done += count;
+        Some(self.film.pass(self.scene, self.view, added, self.settings.culling.certified()))
+    }
+
+    fn add(&mut self, passes: &[cpu::Pass], progress: &dyn Progress) -> Result<()> {
+        match &mut self.culling {
+            None => cpu::for_each_tile(&mut self.film, passes, None, self.level, progress),
+            // Each pass begins with what all pixels learned in the one before.
+            Some(culling) => passes.chunks(1).for_each(|pass| {
+                cpu::for_each_tile(&mut self.film, pass, Some(&mut *culling), self.level, progress);
+            }),
+        }
+        for pass in passes {
+            self.counts += pass.counts();
+        }
         if progress.cancelled() { Err(Error::Interrupted) } else { Ok(()) }
+    }
+
+    /// What certified culling saved, and what it could not, since this was made.
+    pub fn counts(&self) -> certified::Counts {
+        self.counts
     }
 
     /// Starts anew with another camera, in the same memory. Fails as [`Renderer::new`] does.
@@ -155,10 +208,6 @@ impl<'a> Renderer<'a> {
 /// Renders a whole picture.
 pub fn render(scene: &Scene, camera: &Camera, settings: &Settings, progress: &dyn Progress) -> Result<Image> {
     let mut renderer = Renderer::new(scene, camera, settings)?;
-    let pixels = settings.width as u64 * settings.height as u64;
-    progress.begin("render", Some(pixels * settings.samples as u64), "samples");
-    while !renderer.is_done() {
-        renderer.pass(progress)?;
-    }
+    renderer.finish(progress)?;
     Ok(renderer.image())
 }

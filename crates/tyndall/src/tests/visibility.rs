@@ -44,11 +44,9 @@ pub(super) fn scene(particles: &Particles, radii: &Radii, kind: Kind, lighting: 
     Scene::new(structure, colors, lighting, None)
 }
 
-fn image(scene: &Scene, camera: &Camera, settings: &Settings, level: Level) -> Image {
+pub(super) fn image(scene: &Scene, camera: &Camera, settings: &Settings, level: Level) -> Image {
     let mut renderer = Renderer::new(scene, camera, settings).unwrap().with_level(level);
-    while !renderer.is_done() {
-        renderer.pass(&()).unwrap();
-    }
+    renderer.finish(&()).unwrap();
     renderer.image()
 }
 

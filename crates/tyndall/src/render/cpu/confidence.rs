@@ -161,7 +161,7 @@ pub(super) fn trace(
                 let view = &pass.view;
                 let clip = ray.t_max;
                 let cosine = if view.perspective { ray.direction.dot(view.forward) } else { 1.0 };
-                let key = [x as u32, y as u32, pass.first + pass.sample[lane] as u32];
+                let key = [x as u32, y as u32, pass.first + (lane % pass.samples) as u32];
                 let mut number = 0;
                 structure.hits(&ray, &mut |t, node| {
                     if marched != Some(place) {
