@@ -17,6 +17,7 @@ use std::path::PathBuf;
 use std::time::Instant;
 
 use clap::Args;
+use tyndall::render::confidence::Options;
 use tyndall::scene::Scene;
 use tyndall::scene::coloring::{Coloring, Range};
 use tyndall::scene::light::Lighting;
@@ -35,9 +36,12 @@ use sets::{SETS, Set, cameras};
 #[derive(Args)]
 #[command(next_help_heading = "With culling")]
 pub(crate) struct CullingBench {
-    /// A tenth of the particles
-    #[arg(long)]
+    /// Short for --fraction 0.1
+    #[arg(long, conflicts_with = "fraction")]
     quick: bool,
+    /// Share of the particles of each set, above 0
+    #[arg(long, value_name = "X", default_value_t = 1.0, value_parser = share)]
+    fraction: f64,
     /// Folder for the report and its pictures
     #[arg(long, value_name = "DIR", default_value = "culling-report")]
     report: PathBuf,
@@ -50,6 +54,24 @@ pub(crate) struct CullingBench {
     /// Edge in pixels of the windows that are measured; a multiple of 32
     #[arg(long, value_name = "N", default_value_t = 64, value_parser = clap::value_parser!(u32).range(32..=256))]
     window: u32,
+}
+
+impl CullingBench {
+    fn fraction(&self) -> f64 {
+        if self.quick { 0.1 } else { self.fraction }
+    }
+
+    /// The knobs for a share of the particles: as many of them in a voxel as of all.
+    fn scaled(&self, options: Options) -> Options {
+        let voxel_count = (f64::from(options.voxel_count) * self.fraction().cbrt()).round().max(1.0) as u32;
+        Options { voxel_count, ..options }
+    }
+}
+
+/// Reads a share above 0, at most 1.
+fn share(text: &str) -> Result<f64, Error> {
+    let number = text.parse().ok().filter(|it: &f64| *it > 0.0 && *it <= 1.0);
+    number.ok_or_else(|| Error::setting("--fraction", text, "above 0, at most 1"))
 }
 
 /// One set, measured.
@@ -104,7 +126,7 @@ fn chosen(args: &args::Bench) -> Outcome<Vec<&'static Set>> {
 
 /// Everything about one set.
 fn evaluate(set: &'static Set, kind: Kind, args: &args::Bench, report: &Report) -> Outcome<Evaluated> {
-    let count = if args.culling.quick { set.count / 10 } else { set.count };
+    let count = ((set.count as f64 * args.culling.fraction()) as u64).max(1);
     forget_peak();
     let specification = format!("{}?n={count}", set.name);
     let particles = synthetic::generate(&specification, report.progress())?;
@@ -124,7 +146,7 @@ fn evaluate(set: &'static Set, kind: Kind, args: &args::Bench, report: &Report) 
     let frames = args.culling.frames;
     let cameras = cameras(&scene);
     let windows = cameras.map(|camera| Windows::of(&camera, args.culling.window));
-    let mut culler = Culler::new(&scene, &windows[0], set.options, frames)?;
+    let mut culler = Culler::new(&scene, &windows[0], args.culling.scaled(set.options), frames)?;
     let mut views = Vec::new();
     for windows in &windows {
         let off = measure::off(&scene, windows, report)?;
@@ -170,6 +192,7 @@ fn variants(scene: &Scene, args: &args::Bench, evaluated: &mut Evaluated, report
     let windows = Windows::of(&cameras(scene)[view], args.culling.window);
     let off = measure::off(scene, &windows, report)?;
     for (name, options) in variants {
+        let options = args.culling.scaled(options);
         let mut culler = Culler::new(scene, &windows, options, args.culling.frames)?;
         let measured = culler.measure(&windows, &off, report)?;
         evaluated.variants.push((name, measured));

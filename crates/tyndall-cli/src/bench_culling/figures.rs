@@ -31,7 +31,7 @@ pub(super) fn draw(
     report: &Report,
 ) -> Outcome<()> {
     let artist = Artist { scene, frames: args.culling.picture_frames, folder: &args.culling.report, report };
-    let options = evaluated.set.options;
+    let options = args.culling.scaled(evaluated.set.options);
     let name = evaluated.set.name;
     match name {
         "ablation" => {

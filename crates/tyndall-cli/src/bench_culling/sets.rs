@@ -105,8 +105,8 @@ pub(super) fn variants(set: &Set) -> Option<(usize, Vec<(String, Options)>)> {
         "ablation" => {}
         "virion" => {
             let one = at(1, Interpolation::Nearest);
-            for voxel_count in [128, 256] {
-                let name = format!("1x1, nearest, {voxel_count} slices");
+            for (voxel_count, name) in [(128, "a quarter"), (256, "half")] {
+                let name = format!("1x1, nearest, {name} of the slices");
                 variants.push((name, Options { voxel_count, ..one }));
             }
             let pyramid = Options { neighborhood: Neighborhood::Pyramid(1), ..one };

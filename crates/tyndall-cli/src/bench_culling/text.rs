@@ -28,7 +28,7 @@ pub(super) fn report(evaluated: &[Evaluated], kind: Kind, args: &args::Bench, se
         bench.picture_frames,
     );
     let mut section = |title: &str, table: Table| text += &format!("\n## {title}\n\n{}", table.markdown());
-    section("Parameters (thesis, tables 6.1 and 6.2)", parameters(evaluated));
+    section("Parameters (thesis, tables 6.1 and 6.2)", parameters(evaluated, args));
     section("Frames a second (thesis, table 6.3)", frames(evaluated));
     section("What a ray visits on average, and the ceiling", visits(evaluated));
     section("Pictures after convergence beside those without culling", quality(evaluated));
@@ -73,11 +73,11 @@ fn by_view(
     table
 }
 
-fn parameters(evaluated: &[Evaluated]) -> Table {
+fn parameters(evaluated: &[Evaluated], args: &args::Bench) -> Table {
     let mut table =
         Table::new(&["set", "stands for", "particles", "vc", "C_occ", "ci", "spp", "dq", "di", "ks"]);
     for set in evaluated {
-        let options = set.set.options;
+        let options = args.culling.scaled(set.set.options);
         let kernel = match options.neighborhood {
             Neighborhood::Kernel(edge) => format!("{edge}x{edge}"),
             Neighborhood::Pyramid(level) => format!("level {level}"),

@@ -71,7 +71,8 @@ pub(in crate::structure) fn walk<S: Simd, O: Observer>(
         if region.t_near <= region.t_far && region.t_near <= search.t_far {
             let place = first + region.node as usize;
             search.visit(1, 0);
-            // Nodes are tried before their children, those of four levels together; at the top those that are left over.
+            // Nodes are tried before their children, those of four levels together: some of the topmost twice, which changes
+            // nothing, unless every hit is to be told once.
             let left_over = u32::from(region.levels) % LOWEST;
             let is_first = left_over == 0 || region.levels == levels;
             if region.levels == 0 || (is_first && order == Order::NodeFirst) {
@@ -117,7 +118,8 @@ pub(in crate::structure) fn walk<S: Simd, O: Observer>(
     }
 }
 
-/// Tries the particles of `levels` levels, at most four, from `node` down at once; whether the search is over.
+/// Tries the particles of four levels from `node` down at once, of `levels` if every hit is to be told once; whether the search is
+/// over.
 #[simd]
 fn try_four_levels<S: Simd, O: Observer>(
     simd: S,
@@ -141,8 +143,9 @@ fn try_four_levels<S: Simd, O: Observer>(
         | existing(starts[1], 4) << 8
         | existing(starts[2], 2) << 12
         | existing(starts[3], 1) << 14;
-    // The lanes of the upper levels: 1, 3, 7 or 15 from the last down.
-    let tried = existing & (0x7fff & !(0x7fff >> ((1u32 << levels) - 1)));
+    // The lanes of the upper levels are 1, 3, 7 or 15 from the last down.
+    let upper = 0x7fff & !(0x7fff >> ((1u32 << levels) - 1));
+    let tried = if O::EVERY { existing & upper } else { existing };
     search.visit(0, u64::from(tried.count_ones()));
     let mut met = met & tried;
     while met != 0 {
