@@ -1,6 +1,7 @@
 //! Tests that look inside: structures and kernels against brute force, on random and on degenerate scenes.
 
 mod certified;
+mod culling;
 mod oracle;
 pub(crate) mod scenes;
 mod visibility;

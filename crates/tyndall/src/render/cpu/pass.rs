@@ -37,8 +37,9 @@ pub(crate) struct Pass<'a> {
     pub(super) certified: Options,
     /// By lane of a block: how far its pixel lies in a film tile behind the block's first.
     pub(super) pixel: [usize; RAYS],
-    /// Whether the film has no samples yet.
-    pub(super) is_first: bool,
+    pub(super) seed: u32,
+    /// The number of the pass's first sample.
+    pub(super) first: u32,
     /// By the block's place: the lanes that are nearer the centers of their pixels than all samples before.
     pub(super) nearest: Vec<Vec<usize>>,
     /// Light directions by sample, the same for all pixels.
@@ -93,7 +94,8 @@ impl<'a> Pass<'a> {
             _ => Vec::new(),
         };
         Self {
-            is_first: added.first == 0,
+            seed: added.seed,
+            first: added.first,
             scene,
             view,
             samples,
