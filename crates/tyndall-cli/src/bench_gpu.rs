@@ -2,7 +2,8 @@
 //!
 //! The stand-ins of the thesis at their own counts and the sets of `tyndall bench` at those that are given, 800x800. Frames follow each
 //! other without a wait for any but the one before, as a viewer makes them; nothing is read back. `hits ms` and `light ms` are the card's
-//! own clock. Incoherent rays come from random points around the particles' box to random points in it. More than 2^28 particles
+//! own clock. `floors` says what bounds finding hits: bytes that the walk reads at least once a tile over the memory's rate, operations over
+//! the card's peak, and the steps that wait for each other in a tile over the tiles that are at work at one time. Incoherent rays come from random points around the particles' box to random points in it. More than 2^28 particles
 //! are packed in 8 bits and read in parts.
 
 use std::time::{Duration, Instant};
@@ -71,6 +72,45 @@ const VARIANTS: [&str; 9] = [
     "hits 16 ms",
 ];
 
+const FLOORS: [&str; 13] = [
+    "set",
+    "particles",
+    "camera",
+    "samples",
+    "steps a tile",
+    "nodes a tile",
+    "leaves a tile",
+    "tests a sample",
+    "hits us",
+    "memory us",
+    "arithmetic us",
+    "latency us",
+    "limit",
+];
+
+/// What a card can do at most.
+struct Card {
+    name: &'static str,
+    bytes_a_sec: f64,
+    /// Operations in single precision; a fused one counts twice.
+    operations_a_sec: f64,
+    processors: f64,
+}
+
+/// From their makers' data sheets, SXM modules.
+const CARDS: [Card; 3] = [
+    Card { name: "H200", bytes_a_sec: 4.8e12, operations_a_sec: 66.9e12, processors: 132.0 },
+    Card { name: "H100", bytes_a_sec: 3.35e12, operations_a_sec: 66.9e12, processors: 132.0 },
+    Card { name: "A100", bytes_a_sec: 2.04e12, operations_a_sec: 19.5e12, processors: 108.0 },
+];
+/// Operations of a test of a sample, and of projecting a child's box or a particle; counted in the shader's text.
+const TEST_OPERATIONS: f64 = 29.0;
+const PROJECT_OPERATIONS: f64 = 70.0;
+/// Seconds of a step at least: a read from the second cache (270 cycles), three barriers and the arithmetic between (300), at 1.7 GHz.
+const STEP_SECS: f64 = 0.34e-6;
+/// Tiles that a processor holds at one time: 2048 threads in groups of 64.
+const TILES_AT_ONCE: f64 = 32.0;
+
 /// Layouts of the kernel that are compared.
 fn variants() -> Vec<Tiling> {
     let tiling = |tile, split, nodes| Tiling { tile, split, nodes };
@@ -100,6 +140,7 @@ struct Bench<'a> {
     /// Another handle on the same card, whose kernels do not check themselves.
     trusted: Option<Gpu>,
     pictures: Table,
+    floors: Table,
     variants: Table,
     start: Instant,
 }
@@ -123,6 +164,7 @@ pub(crate) fn run(args: &args::Bench, report: &Report) -> Outcome<()> {
         gpu,
         trusted,
         pictures: Table::new(&PICTURES),
+        floors: Table::new(&FLOORS),
         variants: Table::new(&VARIANTS),
         start: Instant::now(),
     };
@@ -131,8 +173,8 @@ pub(crate) fn run(args: &args::Bench, report: &Report) -> Outcome<()> {
         report.out(&format!("{:#}\n", bench.json()))?;
     } else {
         report.out(&bench.pictures.markdown())?;
-        if !bench.variants.is_empty() {
-            report.out(&format!("\n{}", bench.variants.markdown()))?;
+        for table in [&bench.floors, &bench.variants].into_iter().filter(|table| !table.is_empty()) {
+            report.out(&format!("\n{}", table.markdown()))?;
         }
     }
     done
@@ -179,6 +221,7 @@ impl Bench<'_> {
             "size": [self.args.size.width, self.args.size.height],
             "secs": self.start.elapsed().as_secs_f64(),
             "pictures": self.pictures.json(),
+            "floors": self.floors.json(),
             "variants": self.variants.json(),
         })
     }
@@ -196,10 +239,12 @@ impl Bench<'_> {
         for (name, camera) in &cameras {
             scene.lighting = Lighting::Headlight;
             let frames = [1, 4, 16].map(|samples| self.frames(&resident, &scene, camera, samples));
-            let [one, four, sixteen] = match frames {
-                [Ok(one), Ok(four), Ok(sixteen)] => [one, four, sixteen],
-                [one, four, sixteen] => [one?, four?, sixteen?],
-            };
+            let [one, four, sixteen] = frames;
+            let [one, four, sixteen] = [one?, four?, sixteen?];
+            for (samples, frames) in [(1, &one), (4, &four), (16, &sixteen)] {
+                let row = self.floors_of(set, name, &resident, &scene, camera, samples, frames)?;
+                row.into_iter().for_each(|row| self.floors.add(row));
+            }
             let view =
                 camera.view(scene.structure().origin(), self.args.size.width, self.args.size.height)?;
             scene.lighting = Lighting::studio(view.forward, view.right, view.up);
@@ -242,6 +287,56 @@ impl Bench<'_> {
             self.compare(set, &scene, &cameras)?;
         }
         Ok(())
+    }
+
+    /// Counts what the walk does, and says how long that takes at least.
+    #[expect(clippy::too_many_arguments, reason = "what was measured, by name")]
+    fn floors_of(
+        &self,
+        set: &str,
+        camera_name: &str,
+        resident: &Resident,
+        scene: &Scene,
+        camera: &Camera,
+        samples: u32,
+        frames: &Frames,
+    ) -> Outcome<Option<[Cell; FLOORS.len()]>> {
+        let mut renderer = Renderer::new(resident, scene, camera, &self.settings(samples))?;
+        let Some(work) = renderer.count_work(self.report.progress())? else { return Ok(None) };
+        let particles = scene.structure().len();
+        let [tiles, steps, nodes, leaves, tests] =
+            [work.tiles, work.steps, work.nodes, work.leaves, work.tests].map(|count| count as f64);
+        let all = f64::from(samples) * f64::from(self.args.size.width) * f64::from(self.args.size.height);
+        // Nodes and leaves that several tiles read come from a cache: each byte of the tree counts once at most.
+        let leaf_bytes = resident.bytes() as f64 / particles.max(1) as f64 * 16.0;
+        let bytes = (64.0 * nodes + leaf_bytes * leaves).min(resident.bytes() as f64) + 8.0 * all;
+        let operations = TEST_OPERATIONS * tests + PROJECT_OPERATIONS * (8.0 * nodes + 16.0 * leaves);
+        let card = CARDS.iter().find(|card| self.gpu.info().name.contains(card.name));
+        let floors = card.map(|card| {
+            [
+                ("memory", bytes / card.bytes_a_sec),
+                ("arithmetic", operations / card.operations_a_sec),
+                ("latency", steps * STEP_SECS / tiles.min(TILES_AT_ONCE * card.processors)),
+            ]
+        });
+        let us = |secs: Option<f64>| secs.map_or(Cell::Unknown, |secs| Cell::Number(1e6 * secs, 1));
+        let floor = |at: usize| us(floors.map(|floors| floors[at].1));
+        let limit = floors.and_then(|floors| floors.into_iter().max_by(|a, b| a.1.total_cmp(&b.1)));
+        Ok(Some([
+            Cell::Word(set.into()),
+            Cell::Count(particles),
+            Cell::Word(camera_name.into()),
+            Cell::Count(samples as usize),
+            Cell::Number(steps / tiles, 1),
+            Cell::Number(nodes / tiles, 1),
+            Cell::Number(leaves / tiles, 1),
+            Cell::Number(tests / all, 2),
+            us(frames.secs.map(|secs| secs[0])),
+            floor(0),
+            floor(1),
+            floor(2),
+            limit.map_or(Cell::Unknown, |(name, _)| Cell::Word(name.into())),
+        ]))
     }
 
     /// Times the kernel that finds hits in each of its layouts.
@@ -354,7 +449,8 @@ impl Bench<'_> {
     fn frames(&self, resident: &Resident, scene: &Scene, camera: &Camera, samples: u32) -> Outcome<Frames> {
         let progress = self.report.progress();
         let mut renderer = Renderer::new(resident, scene, camera, &self.settings(samples))?;
-        // Kernels are made, and bands grow to what the card can do.
+        renderer.prepare(progress)?;
+        // Bands grow to what the card can do.
         for _ in 0..3 {
             renderer.restart(camera)?;
             renderer.pass(progress)?;

@@ -1,5 +1,7 @@
 //! Tests that look inside: structures and kernels against brute force, on random and on degenerate scenes.
 
 mod oracle;
-pub(crate) mod scenes;
+mod scenes;
+#[cfg(feature = "gpu")]
+mod twins;
 mod visibility;

@@ -125,8 +125,8 @@ pub struct Options {
     pub name: Option<String>,
     /// Takes no software adapter.
     pub hardware_only: bool,
-    /// The most bytes that a shader sees through one binding, if less than the adapter allows.
-    pub binding_bytes: Option<u64>,
+    /// The most bytes of a page of the scene's arrays, if less than a binding allows.
+    pub page_bytes: Option<u64>,
     /// Leaves out the shaders' own checks of indices and loops. What the kernels read is what this library has written.
     pub trusted: bool,
 }
@@ -204,8 +204,13 @@ impl Gpu {
 
     /// The most that a shader sees through one binding, in bytes.
     pub(super) fn binding_bytes(&self) -> u64 {
-        let allowed = self.limits.max_storage_buffer_binding_size.min(self.limits.max_buffer_size);
-        self.options.binding_bytes.map_or(allowed, |bytes| bytes.clamp(16, allowed))
+        self.limits.max_storage_buffer_binding_size.min(self.limits.max_buffer_size)
+    }
+
+    /// The most that a page of an array has, in bytes.
+    pub(super) fn page_bytes(&self) -> u64 {
+        let allowed = self.binding_bytes();
+        self.options.page_bytes.map_or(allowed, |bytes| bytes.clamp(16, allowed))
     }
 
     /// How many storage buffers a kernel sees.

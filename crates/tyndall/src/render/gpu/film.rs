@@ -28,8 +28,8 @@ pub(super) struct Film {
     height: u32,
     pass: wgpu::Buffer,
     samples: wgpu::Buffer,
-    /// Of the band that is worked on, in the kernels' bindings, and their size in bytes.
-    hits: Option<(u64, wgpu::BindGroup)>,
+    /// Of the band that is worked on, and the kernels' bindings.
+    hits: Option<(wgpu::Buffer, wgpu::BindGroup)>,
     sum: wgpu::Buffer,
     nearest: wgpu::Buffer,
 }
@@ -94,12 +94,13 @@ impl Film {
     fn bind(&mut self, gpu: &Gpu, resident: &Resident, samples: u32, rows: u32) -> Result<wgpu::BindGroup> {
         let bytes = HIT_BYTES * u64::from(self.width) * u64::from(rows) * u64::from(samples);
         match &self.hits {
-            Some((size, group)) if *size >= bytes => Ok(group.clone()),
+            Some((hits, group)) if hits.size() >= bytes => Ok(group.clone()),
             _ => {
-                let hits = gpu.buffer("hits", bytes, wgpu::BufferUsages::STORAGE)?;
+                let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC;
+                let hits = gpu.buffer("hits", bytes, usage)?;
                 let buffers = [&self.pass, &self.samples, &hits, &self.sum, &self.nearest];
                 let group = gpu.bind(resident.pass_bindings(), &buffers);
-                self.hits = Some((bytes, group.clone()));
+                self.hits = Some((hits, group.clone()));
                 Ok(group)
             }
         }
@@ -162,6 +163,14 @@ impl Film {
             hits.iter().map(place).unzip()
         })?;
         Ok(image)
+    }
+
+    /// Waits, and gives what the last band has written for its samples.
+    pub(super) fn read_hits(&self, gpu: &Gpu, take: impl FnOnce(&[HitRecord])) -> Result<()> {
+        match &self.hits {
+            Some((hits, _)) => gpu.read(hits, 0..hits.size(), take),
+            None => Ok(()),
+        }
     }
 
     /// What the sample nearest the center of pixel (x, y) met.

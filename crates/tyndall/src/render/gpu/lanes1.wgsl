@@ -20,7 +20,9 @@ fn samples_y(first: u32) -> Lanes {
     return samples[first].y;
 }
 
-fn smaller_id(node: u32, than: LanesU) -> LanesB {
+// Where nothing was met, there is no id.
+fn smaller_id(node: u32, met: LanesU) -> LanesB {
+    let than = select(met, LanesU(node), met == LanesU(NONE));
     return id_of(node) < id_of(than);
 }
 

@@ -20,7 +20,9 @@ fn samples_y(first: u32) -> Lanes {
     return vec4f(samples[first].y, samples[first + 1u].y, samples[first + 2u].y, samples[first + 3u].y);
 }
 
-fn smaller_id(node: u32, than: LanesU) -> LanesB {
+// Where nothing was met, there is no id.
+fn smaller_id(node: u32, met: LanesU) -> LanesB {
+    let than = select(met, LanesU(node), met == LanesU(NONE));
     return vec4<bool>(
         id_of(node) < id_of(than.x), id_of(node) < id_of(than.y), id_of(node) < id_of(than.z), id_of(node) < id_of(than.w));
 }

@@ -39,7 +39,9 @@ impl Tiling {
 
     /// The same for so many samples.
     pub(super) fn of(self, samples: u32) -> Self {
-        Self { split: self.split.min(samples), ..self }
+        let split = self.split.min(samples);
+        let threads = Self { split, ..self }.threads();
+        Self { split, nodes: self.nodes.min(threads / 8), ..self }
     }
 }
 
@@ -85,6 +87,8 @@ pub(super) struct Sampling {
     pub(super) samples: u32,
     pub(super) perspective: bool,
     pub(super) tiling: Tiling,
+    /// Whether the walk tells what it did instead of what it found.
+    pub(super) counted: bool,
 }
 
 impl Shape {
@@ -101,17 +105,19 @@ impl Shape {
 
     /// The kernel of single rays.
     pub(super) fn rays(&self) -> String {
-        self.formulas() + &[RAYS, INTERSECT].join("\n")
+        // They depend on no picture.
+        let sampling = Sampling { samples: 1, perspective: false, tiling: Tiling::default(), counted: false };
+        self.head(sampling) + &[MATH, BVH, RAYS, INTERSECT].join("\n")
     }
 
     /// The formulas without any kernel.
-    pub(super) fn formulas(&self) -> String {
-        let sampling = Sampling { samples: 1, perspective: false, tiling: Tiling::default() };
-        self.head(sampling) + &[MATH, BVH, ""].join("\n")
+    #[cfg(test)]
+    pub(super) fn formulas(&self, sampling: Sampling) -> String {
+        self.head(sampling) + &[MATH, BVH, CAMERA, BEAM, ""].join("\n")
     }
 
     fn head(&self, sampling: Sampling) -> String {
-        let Sampling { samples, perspective, tiling } = sampling;
+        let Sampling { samples, perspective, tiling, counted } = sampling;
         let mut head = String::new();
         let mut number = |name: &str, value: u32| {
             // Writing to a string cannot fail.
@@ -147,7 +153,7 @@ impl Shape {
         number("LEAVES", tiling.threads() / 16);
         // At most the children of the nodes of one step lie on the stack, of each level.
         number("STACK", 8 * tiling.nodes * self.levels + 1);
-        _ = writeln!(head, "const PERSPECTIVE: bool = {perspective};");
+        _ = writeln!(head, "const PERSPECTIVE: bool = {perspective};\nconst COUNTED: bool = {counted};");
         _ = writeln!(head, "const HIT_ROUNDING: f32 = {HIT_ROUNDING:e};");
         head + &self.arrays
     }

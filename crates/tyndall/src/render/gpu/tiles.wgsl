@@ -62,6 +62,14 @@ fn rays_of(first: u32, corner: vec2f) -> Rays {
     return Rays(x, y, z);
 }
 
+// What a walk did: tests of a thread's samples against a particle; steps, leaves and nodes of the tile.
+struct Work {
+    tests: u32,
+    steps: u32,
+    leaves: u32,
+    nodes: u32,
+}
+
 // Tests a particle against a group of samples and keeps what is nearer; equally near, the smaller id. enter_sphere on lanes.
 fn test(found: Found, rays: Rays, center: vec3f, radius: f32, node: u32) -> Found {
     let view = pass_.view;
@@ -153,6 +161,8 @@ fn find_hits(@builtin(workgroup_id) tile: vec3u, @builtin(local_invocation_index
         stack_size = select(0u, 1u, bvh.top > 0u);
     }
 
+    // What the walk does, where that is asked for instead of what it finds.
+    var work = Work(0u, 0u, 0u, 0u);
     // Which copy is in use: of what is looked at, what leaves gather, what nodes gather.
     var turn = 0u;
     var leaf_turn = 0u;
@@ -188,11 +198,13 @@ fn find_hits(@builtin(workgroup_id) tile: vec3u, @builtin(local_invocation_index
         let entries = vec2u(atomicLoad(&open_entries[2u * turn]), atomicLoad(&open_entries[2u * turn + 1u]));
         let leaves = vec2u(atomicLoad(&open_leaves[2u * turn]), atomicLoad(&open_leaves[2u * turn + 1u]));
         turn = 1u - turn;
+        work.steps++;
 
         // Leaves first: they lie above all nodes. What is taken, and what is closed above it, leaves the stack.
         let leaf_count = count_of(leaves);
         if leaf_count > 0u {
             let taken = min(leaf_count, LEAVES);
+            work.leaves += taken;
             let others = entries & ~leaves;
             var dropped = min(size, WINDOW);
             if leaf_count > LEAVES {
@@ -254,6 +266,7 @@ fn find_hits(@builtin(workgroup_id) tile: vec3u, @builtin(local_invocation_index
                     let at = 32u * word + firstTrailingBit(mask);
                     mask &= mask - 1u;
                     if sphere_near[at] <= own_deepest {
+                        work.tests++;
                         let ball = sphere[at];
                         let node = sphere_node[at];
                         found_a = test(found_a, rays_a, ball.xyz, ball.w, node);
@@ -287,6 +300,7 @@ fn find_hits(@builtin(workgroup_id) tile: vec3u, @builtin(local_invocation_index
 
         // Eight threads a node, a child each.
         let node_count = min(count_of(entries), NODES);
+        work.nodes += node_count;
         var dropped = min(size, WINDOW);
         if count_of(entries) > NODES {
             dropped = place_of_bit(entries, NODES - 1u) + 1u;
@@ -350,7 +364,13 @@ fn find_hits(@builtin(workgroup_id) tile: vec3u, @builtin(local_invocation_index
         }
     }
 
-    if inside {
+    if COUNTED {
+        // Of the tile's first threads each tells one more number.
+        let of_tile = select(select(work.nodes, work.leaves, thread == 1u), work.steps, thread == 0u);
+        if inside && thread % SPLIT == 0u {
+            hits[first_hit(pixel)] = vec2u(work.tests, select(0u, of_tile, thread < 3u));
+        }
+    } else if inside {
         let at = first_hit(pixel) + (thread % SPLIT) * SAMPLES / SPLIT;
         store_hits(at, found_a.depth, found_a.node);
         if GROUPS > 1u {

@@ -50,10 +50,20 @@ fn every_kernel_is_valid_for_every_layout() {
             for samples in [1, 4, 16] {
                 for perspective in [false, true] {
                     for tiling in tilings {
-                        let sampling = Sampling { samples, perspective, tiling: tiling.of(samples) };
+                        let sampling = Sampling {
+                            samples,
+                            perspective,
+                            tiling: tiling.of(samples),
+                            counted: samples == 1,
+                        };
                         validate(&shape.tiles(sampling));
                     }
-                    let sampling = Sampling { samples, perspective, tiling: Tiling::default().of(samples) };
+                    let sampling = Sampling {
+                        samples,
+                        perspective,
+                        tiling: Tiling::default().of(samples),
+                        counted: false,
+                    };
                     validate(&shape.shade(sampling));
                 }
             }
@@ -86,7 +96,7 @@ macro_rules! record {
 #[test]
 fn records_stand_where_the_shaders_read_them() {
     let shape = shape(Packing::Exact, Sizes::Table, Colors::Constant, 1);
-    let sampling = Sampling { samples: 4, perspective: true, tiling: Tiling::default() };
+    let sampling = Sampling { samples: 4, perspective: true, tiling: Tiling::default(), counted: false };
     let module = validate(&shape.shade(sampling));
     let view = record!(layout::View: eye, left, forward, top, right, pixel, up, unused);
     assert_eq!(members(&module, "View"), view);
