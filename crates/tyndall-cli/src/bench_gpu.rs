@@ -12,8 +12,8 @@ use serde_json::json;
 use tyndall::Vec3;
 use tyndall::math::Ray;
 use tyndall::random::Stream;
-use tyndall::render::Settings;
 use tyndall::render::gpu::{Gpu, Kind as AdapterKind, Options, Renderer, Resident, Tiling};
+use tyndall::render::{Culling, Settings};
 use tyndall::scene::automatic::{self, Outliers};
 use tyndall::scene::camera::{Camera, VERTICAL_ANGLE};
 use tyndall::scene::color::ParticleColors;
@@ -385,7 +385,8 @@ impl Bench<'_> {
     }
 
     fn settings(&self, samples: u32) -> Settings {
-        Settings { width: self.args.size.width, height: self.args.size.height, samples, seed: 0 }
+        let args::Bench { size, .. } = self.args;
+        Settings { width: size.width, height: size.height, samples, seed: 0, culling: Culling::Off }
     }
 
     /// A structure, its cameras, and the seconds to build it.

@@ -2,7 +2,14 @@
 
 use std::str::FromStr;
 
-use tyndall::{Error, Result};
+use tyndall::render::{Culling, Renderer, Settings};
+use tyndall::scene::Scene;
+use tyndall::scene::camera::Camera;
+use tyndall::structure::Kind;
+use tyndall::{Error, Image, Result};
+
+use crate::culling;
+use crate::report::Report;
 
 /// What `--device` says.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -39,17 +46,32 @@ pub(crate) use card::{Renders, list};
 #[cfg(not(feature = "gpu"))]
 pub(crate) use processor::{Renders, list};
 
+/// What decides where pictures are made.
+#[derive(Clone, Copy)]
+pub(crate) struct Work {
+    pub(crate) structure: Kind,
+    pub(crate) culling: Culling,
+}
+
+/// A picture by the processor, with what culling saved.
+fn on_processor(scene: &Scene, camera: &Camera, settings: &Settings, report: &Report) -> Result<Image> {
+    let mut renderer = Renderer::new(scene, camera, settings)?;
+    renderer.finish(report.progress())?;
+    culling::tell(&settings.culling, &renderer.counts(), report);
+    Ok(renderer.image())
+}
+
 /// With the feature `gpu`.
 #[cfg(feature = "gpu")]
 mod card {
     use tyndall::render::gpu::{self, AdapterInfo, Gpu, Options, Resident};
-    use tyndall::render::{Settings, render};
+    use tyndall::render::{Culling, Settings};
     use tyndall::scene::Scene;
     use tyndall::scene::camera::Camera;
     use tyndall::structure::Kind;
-    use tyndall::{Error, Image, Progress, Result};
+    use tyndall::{Error, Image, Result};
 
-    use super::Choice;
+    use super::{Choice, Work, on_processor};
     use crate::report::{Outcome, Report, bytes};
 
     /// One line a device, as `--device` names it.
@@ -78,12 +100,21 @@ mod card {
 
     impl Renders {
         /// Opens the device. `auto` says in a line if there is no card.
-        pub(crate) fn new(choice: &Choice, structure: Kind, report: &Report) -> Outcome<Self> {
-            let options = match (choice, structure) {
-                // The other structures are there to be compared with, on the processor.
-                (Choice::Cpu, _) | (Choice::Auto, Kind::Pkd(_) | Kind::Brute) => return Ok(Self::Processor),
-                (Choice::Auto, _) => Options { hardware_only: true, ..Options::default() },
-                (Choice::Gpu(name), _) => Options { name: name.clone(), ..Options::default() },
+        pub(crate) fn new(choice: &Choice, work: Work, report: &Report) -> Outcome<Self> {
+            let is_lossy = matches!(work.culling, Culling::Confidence(_));
+            let options = match choice {
+                Choice::Cpu => return Ok(Self::Processor),
+                // What is there to be compared with is so on the processor.
+                Choice::Auto if is_lossy || !matches!(work.structure, Kind::Bvh(_)) => {
+                    return Ok(Self::Processor);
+                }
+                Choice::Gpu(_) if is_lossy => {
+                    return Err(
+                        Error::setting("--culling", "confidence", "off or certified on a card").into()
+                    );
+                }
+                Choice::Auto => Options { hardware_only: true, ..Options::default() },
+                Choice::Gpu(name) => Options { name: name.clone(), ..Options::default() },
             };
             let is_asked_for = *choice != Choice::Auto;
             match Gpu::open(options) {
@@ -146,11 +177,11 @@ mod card {
             scene: &Scene,
             camera: &Camera,
             settings: &Settings,
-            progress: &dyn Progress,
+            report: &Report,
         ) -> Result<Image> {
             match self {
-                Self::Processor => render(scene, camera, settings, progress),
-                Self::Card(resident) => gpu::render(resident, scene, camera, settings, progress),
+                Self::Processor => on_processor(scene, camera, settings, report),
+                Self::Card(resident) => gpu::render(resident, scene, camera, settings, report.progress()),
             }
         }
     }
@@ -159,13 +190,12 @@ mod card {
 /// Without the feature `gpu`.
 #[cfg(not(feature = "gpu"))]
 mod processor {
-    use tyndall::render::{Settings, render};
+    use tyndall::render::Settings;
     use tyndall::scene::Scene;
     use tyndall::scene::camera::Camera;
-    use tyndall::structure::Kind;
-    use tyndall::{Error, Image, Progress, Result};
+    use tyndall::{Error, Image, Result};
 
-    use super::Choice;
+    use super::{Choice, Work, on_processor};
     use crate::report::{Outcome, Report};
 
     /// One line a device.
@@ -177,7 +207,7 @@ mod processor {
     pub(crate) struct Renders;
 
     impl Renders {
-        pub(crate) fn new(choice: &Choice, _: Kind, _: &Report) -> Outcome<Self> {
+        pub(crate) fn new(choice: &Choice, _: Work, _: &Report) -> Outcome<Self> {
             match choice {
                 Choice::Auto | Choice::Cpu => Ok(Self),
                 Choice::Gpu(_) => {
@@ -199,9 +229,9 @@ mod processor {
             scene: &Scene,
             camera: &Camera,
             settings: &Settings,
-            progress: &dyn Progress,
+            report: &Report,
         ) -> Result<Image> {
-            render(scene, camera, settings, progress)
+            on_processor(scene, camera, settings, report)
         }
     }
 }

@@ -8,6 +8,7 @@ mod bench_density;
 #[cfg(feature = "gpu")]
 mod bench_gpu;
 mod bench_medium;
+mod culling;
 mod device;
 mod dry_run;
 mod help;

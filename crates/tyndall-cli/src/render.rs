@@ -6,8 +6,8 @@
 use std::time::Instant;
 
 use tyndall::particles::{Particles, Radii};
-use tyndall::render::Settings;
 use tyndall::render::estimate::Work;
+use tyndall::render::{Culling, Settings};
 use tyndall::scene::automatic::{self, Outliers};
 use tyndall::scene::camera::{Camera, VERTICAL_ANGLE};
 use tyndall::scene::color::{ParticleColors, resolve};
@@ -22,12 +22,12 @@ use tyndall_io::write::{self, ImageOptions};
 use tyndall_io::{Parts, Sequence};
 
 use crate::args::{self, LightLook, Mode};
-use crate::device::Renders;
+use crate::device::{self, Renders};
 use crate::output::Pattern;
 use crate::plan::{self, Picture};
 use crate::report::{Failure, Outcome, Report, counted, seconds};
 use crate::values::{Background, Degrees};
-use crate::{dry_run, input, medium, metadata, progress, structure};
+use crate::{culling, dry_run, input, medium, metadata, progress, structure};
 
 /// Renders what the command line asks for.
 pub(crate) fn run(args: &args::Render, report: &Report) -> Outcome<()> {
@@ -47,7 +47,9 @@ pub(crate) fn run(args: &args::Render, report: &Report) -> Outcome<()> {
     if args.method.dry_run {
         return job.dry_run(&sequence, &pictures);
     }
-    job.pictures_of(&sequence, &pictures)
+    plan::each_frame(&pictures, args.frames.skip_existing, report, |frame, wanted, kept, written| {
+        job.pictures_of_frame(&sequence, frame, wanted, kept, written)
+    })
 }
 
 /// Whether particles are read as a whole or can be read in parts.
@@ -81,7 +83,8 @@ impl<'a> Job<'a> {
     fn new(args: &'a args::Render, report: &'a Report) -> Outcome<Self> {
         let args::Picture { size, samples, seed, background, alpha, .. } = &args.picture;
         let samples = samples.unwrap_or(Settings::default().samples);
-        let settings = Settings { width: size.width, height: size.height, samples, seed: *seed };
+        let culling = culling::culling(&args.method.culling);
+        let settings = Settings { width: size.width, height: size.height, samples, seed: *seed, culling };
         let structure = structure::kind(&args.method.structure)?;
         let background = match background.unwrap_or(Background::Color([1.0; 3])) {
             Background::Nothing => None,
@@ -99,7 +102,7 @@ impl<'a> Job<'a> {
             viewpoint: viewpoint(args)?,
             background: if *alpha { None } else { background },
             pattern: Pattern::new(&args.picture.output),
-            renders: Renders::new(&args.method.device, structure, report)?,
+            renders: Renders::new(&args.method.device, device::Work { structure, culling }, report)?,
         })
     }
 
@@ -155,57 +158,6 @@ impl<'a> Job<'a> {
             Structure::stream(parts, parts.origin(), radius, packing, self.report.progress())?;
         input::tell_dropped(dropped, parts.len(), &self.args.input, self.report)?;
         Ok((structure, dropped))
-    }
-
-    /// Makes the pictures frame by frame, and counts what failed.
-    fn pictures_of(&self, sequence: &Sequence, pictures: &[Picture]) -> Outcome<()> {
-        let (mut written, mut skipped, mut failures) = (0, 0, Vec::new());
-        let mut kept: Option<Kept> = None;
-        let mut left = pictures;
-        while let Some(first) = left.first() {
-            // Pictures of one frame follow each other: it is read once.
-            let same = left.iter().take_while(|it| it.frame == first.frame).count();
-            let (now, later) = left.split_at(same);
-            left = later;
-            let wanted: Vec<&Picture> = now.iter().filter(|it| !self.exists(it)).collect();
-            skipped += same - wanted.len();
-            // The first frame is read even if its pictures are there: what is guessed from it must not change.
-            if wanted.is_empty() && (kept.is_some() || left.is_empty()) {
-                continue;
-            }
-            match self.pictures_of_frame(sequence, first.frame, &wanted, &mut kept, &mut written) {
-                Ok(()) => {}
-                Err(Failure::Interrupted(_)) => {
-                    let text = format!("{written} of {} pictures written", pictures.len() - skipped);
-                    return Err(Failure::Interrupted(text));
-                }
-                Err(failure @ Failure::Library(Error::Memory { .. })) => return Err(failure),
-                Err(failure) if pictures.len() == 1 => return Err(failure),
-                Err(failure) => {
-                    self.report.error(&failure);
-                    failures.push((first.frame, wanted.len().max(1), failure));
-                }
-            }
-        }
-        if skipped > 0 {
-            self.report.note(format_args!("note: {} there already", counted(skipped, "picture")));
-        }
-        let Some((frame, _, first)) = failures.first() else { return Ok(()) };
-        let failed: usize = failures.iter().map(|(_, count, _)| count).sum();
-        let text = format!(
-            "{failed} of {} pictures failed, {written} were written (first failure: frame {frame})",
-            pictures.len()
-        );
-        if written + skipped == 0 && failures.iter().all(|(_, _, it)| it.code() == first.code()) {
-            // Nothing was achieved: the reason counts, not that it came often.
-            self.report.note(format_args!("{text}"));
-            return Err(failures.swap_remove(0).2);
-        }
-        Err(Failure::Partial(text))
-    }
-
-    fn exists(&self, picture: &Picture) -> bool {
-        self.args.frames.skip_existing && picture.path.exists()
     }
 
     /// Reads a frame, builds once, and makes its pictures.
@@ -297,7 +249,7 @@ impl<'a> Job<'a> {
             let rendering = Instant::now();
             let camera = self.viewpoint.turned(&camera, &outline, picture.turn);
             self.set_light(&mut scene, dropped, &camera)?;
-            let image = loaded.image(&scene, &camera, &self.settings, self.report.progress())?;
+            let image = loaded.image(&scene, &camera, &self.settings, self.report)?;
             if image.shows_nothing() {
                 let Settings { width, height, .. } = self.settings;
                 let view = camera.view(scene.structure().origin(), width, height)?;
@@ -391,6 +343,9 @@ impl<'a> Job<'a> {
         guesses.extend(conventions.iter().cloned());
         guesses.extend([radius.to_string(), colors.description.clone(), framing.to_string()]);
         guesses.push(format!("{width}x{height}, {samples} samples"));
+        if self.settings.culling != Culling::default() {
+            guesses.push(culling::description(&self.settings.culling));
+        }
         guesses
     }
 }

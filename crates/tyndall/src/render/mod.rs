@@ -3,6 +3,8 @@
 //! [`Renderer::pass`] adds up to sixteen samples to every pixel; [`Renderer::image`] is the picture so far. The same settings
 //! give the same picture, bit for bit, whatever the number of threads and the width of SIMD.
 
+pub mod certified;
+pub mod confidence;
 pub mod cpu;
 pub mod estimate;
 #[cfg(feature = "gpu")]
@@ -30,11 +32,40 @@ pub struct Settings {
     pub samples: u32,
     /// Another seed gives other random numbers.
     pub seed: u32,
+    /// What is not traced because it is likely, or sure, to be hidden.
+    pub culling: Culling,
+}
+
+/// How particles that others hide are left out.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Culling {
+    /// Not at all, beyond what each ray finds for itself.
+    Off,
+    /// Where a pixel is likely to be covered. Lossy.
+    Confidence(confidence::Options),
+    /// Where that is proven. The picture is that of `Off`, bit for bit.
+    Certified(certified::Options),
+}
+
+impl Culling {
+    /// Which proofs are sought.
+    fn certified(&self) -> certified::Options {
+        match self {
+            Self::Certified(options) => *options,
+            _ => certified::Options::OFF,
+        }
+    }
+}
+
+impl Default for Culling {
+    fn default() -> Self {
+        Self::Certified(certified::Options::default())
+    }
 }
 
 impl Default for Settings {
     fn default() -> Self {
-        Self { width: 1920, height: 1080, samples: 64, seed: 0 }
+        Self { width: 1920, height: 1080, samples: 64, seed: 0, culling: Culling::default() }
     }
 }
 
@@ -48,7 +79,10 @@ impl Settings {
         if samples == 0 {
             return Err(Error::setting("samples", samples, "at least 1 a pixel"));
         }
-        Ok(())
+        match &self.culling {
+            Culling::Off | Culling::Certified(_) => Ok(()),
+            Culling::Confidence(options) => options.check(),
+        }
     }
 }
 
@@ -59,6 +93,7 @@ pub struct Renderer<'a> {
     settings: Settings,
     film: Film,
     samples_done: u32,
+    counts: certified::Counts,
     level: fearless_simd::Level,
 }
 
@@ -70,7 +105,15 @@ impl<'a> Renderer<'a> {
         let view = camera.view(scene.structure().origin(), width, height)?;
         let film = Film::new(width, height);
         let level = fearless_simd::Level::new();
-        Ok(Self { scene, view, settings: *settings, film, samples_done: 0, level })
+        Ok(Self {
+            scene,
+            view,
+            settings: *settings,
+            film,
+            samples_done: 0,
+            counts: certified::Counts::default(),
+            level,
+        })
     }
 
     /// Uses narrower SIMD than the machine has.
@@ -86,13 +129,38 @@ impl<'a> Renderer<'a> {
 
     /// Adds up to sixteen samples to every pixel. Fails only when interrupted; the film is then incomplete.
     pub fn pass(&mut self, progress: &dyn Progress) -> Result<()> {
-        let Some(added) = Samples::after(self.samples_done, self.settings.samples, self.settings.seed) else {
-            return Ok(());
-        };
-        let pass = self.film.pass(self.scene, self.view, added);
-        cpu::for_each_tile(&mut self.film, &pass, self.level, progress);
+        let pass = self.next_pass();
+        self.add(pass.as_slice(), progress)
+    }
+
+    /// Adds all samples that are missing, tile by tile. Fails only when interrupted; the film is then incomplete.
+    pub fn finish(&mut self, progress: &dyn Progress) -> Result<()> {
+        let pixels = u64::from(self.settings.width) * u64::from(self.settings.height);
+        let samples = u64::from(self.settings.samples - self.samples_done);
+        progress.begin("render", Some(pixels * samples), "samples");
+        let passes: Vec<cpu::Pass> = std::iter::from_fn(|| self.next_pass()).collect();
+        self.add(&passes, progress)
+    }
+
+    /// The next samples of every pixel, if any are missing; they count as done.
+    fn next_pass(&mut self) -> Option<cpu::Pass<'a>> {
+        let Settings { samples, seed, culling, .. } = self.settings;
+        let added = Samples::after(self.samples_done, samples, seed)?;
         self.samples_done += added.count;
+        Some(self.film.pass(self.scene, self.view, added, culling.certified()))
+    }
+
+    fn add(&mut self, passes: &[cpu::Pass], progress: &dyn Progress) -> Result<()> {
+        cpu::for_each_tile(&mut self.film, passes, self.level, progress);
+        for pass in passes {
+            self.counts += pass.counts();
+        }
         if progress.cancelled() { Err(Error::Interrupted) } else { Ok(()) }
+    }
+
+    /// What certified culling saved, and what it could not, since this was made.
+    pub fn counts(&self) -> certified::Counts {
+        self.counts
     }
 
     /// Starts anew with another camera, in the same memory. Fails as [`Renderer::new`] does.
@@ -119,10 +187,6 @@ impl<'a> Renderer<'a> {
 /// Renders a whole picture.
 pub fn render(scene: &Scene, camera: &Camera, settings: &Settings, progress: &dyn Progress) -> Result<Image> {
     let mut renderer = Renderer::new(scene, camera, settings)?;
-    let pixels = settings.width as u64 * settings.height as u64;
-    progress.begin("render", Some(pixels * settings.samples as u64), "samples");
-    while !renderer.is_done() {
-        renderer.pass(progress)?;
-    }
+    renderer.finish(progress)?;
     Ok(renderer.image())
 }

@@ -101,7 +101,7 @@ fn the_card_renders_what_the_cpu_renders() {
         let lighting = if seed % 2 == 0 { Lighting::Headlight } else { Lighting::Flat };
         let (scene, camera) = random_scene(seed, packing, lighting);
         let samples = [1, 4, 16, 21][seed as usize % 4];
-        let settings = Settings { width: 83, height: 61, samples, seed: seed as u32 };
+        let settings = Settings { width: 83, height: 61, samples, seed: seed as u32, ..Settings::default() };
         let expected = render(&scene, &camera, &settings, &()).unwrap();
         let found = on_card(&gpu, &scene, &camera, &settings, Tiling::default());
         let differs = differing_pixels(&expected, &found, scale(&camera));
@@ -124,7 +124,7 @@ fn the_card_casts_the_shadows_that_the_cpu_casts() {
         let studio = Lighting::studio(Vec3::X, Vec3::NEG_Y, Vec3::Z);
         let packing = if seed % 2 == 0 { Packing::Exact } else { Packing::Bits16 };
         let (scene, camera) = random_scene(seed, packing, studio);
-        let settings = Settings { width: 31, height: 29, samples: 4, seed: seed as u32 };
+        let settings = Settings { width: 31, height: 29, samples: 4, seed: seed as u32, ..Settings::default() };
         let expected = render(&scene, &camera, &settings, &()).unwrap();
         let found = on_card(&gpu, &scene, &camera, &settings, Tiling::default());
         let differs = differing_pixels(&expected, &found, scale(&camera));
@@ -145,7 +145,7 @@ fn every_tiling_renders_the_same_picture() {
     let tiling = |tile, split, nodes| Tiling { tile, split, nodes };
     for (seed, samples) in [(0, 16), (4, 4), (3, 1)] {
         let (scene, camera) = random_scene(seed, Packing::Exact, Lighting::Headlight);
-        let settings = Settings { width: 67, height: 45, samples, seed: 1 };
+        let settings = Settings { width: 67, height: 45, samples, seed: 1, ..Settings::default() };
         let expected = on_card(&gpu, &scene, &camera, &settings, Tiling::default());
         for tiling in [
             tiling([8, 8], 1, 1),
@@ -169,7 +169,7 @@ fn many_small_pages_hold_what_one_large_page_holds() {
     let (Some(whole), Some(paged)) = (device(None), device(Some(8 << 10))) else { return };
     for seed in [0, 4] {
         let (scene, camera) = random_scene(seed, Packing::Exact, Lighting::Headlight);
-        let settings = Settings { width: 64, height: 48, samples: 4, seed: 2 };
+        let settings = Settings { width: 64, height: 48, samples: 4, seed: 2, ..Settings::default() };
         let [expected, found] =
             [&whole, &paged].map(|gpu| on_card(gpu, &scene, &camera, &settings, Tiling::default()));
         assert_eq!(differing_pixels(&expected, &found, scale(&camera)), 0);
@@ -249,7 +249,7 @@ fn resident_hits(gpu: &Gpu, scene: &Scene, rays: &[Ray]) -> Vec<Option<Hit>> {
 fn a_picked_pixel_is_that_of_the_picture() {
     let Some(gpu) = device(None) else { return };
     let (scene, camera) = random_scene(0, Packing::Exact, Lighting::Flat);
-    let settings = Settings { width: 40, height: 30, samples: 4, seed: 0 };
+    let settings = Settings { width: 40, height: 30, samples: 4, seed: 0, ..Settings::default() };
     let resident = Resident::load(&gpu, &scene, &()).unwrap();
     let mut renderer = Renderer::new(&resident, &scene, &camera, &settings).unwrap();
     assert_eq!(renderer.pick(3, 3).unwrap(), None, "without samples nothing is seen");
@@ -272,7 +272,7 @@ fn counted_work_is_that_of_the_picture() {
     let Some(gpu) = device(None) else { return };
     let (scene, camera) = random_scene(0, Packing::Exact, Lighting::Flat);
     let resident = Resident::load(&gpu, &scene, &()).unwrap();
-    let settings = Settings { width: 40, height: 30, samples: 4, seed: 0 };
+    let settings = Settings { width: 40, height: 30, samples: 4, seed: 0, ..Settings::default() };
     let mut renderer = Renderer::new(&resident, &scene, &camera, &settings).unwrap();
     let work = renderer.count_work(&()).unwrap().unwrap();
     assert_eq!(work.tiles, 5 * 4);
