@@ -12,7 +12,7 @@ use serde_json::json;
 use tyndall::Vec3;
 use tyndall::math::Ray;
 use tyndall::random::Stream;
-use tyndall::render::gpu::{Gpu, Kind as AdapterKind, Options, Renderer, Resident, Tiling};
+use tyndall::render::gpu::{Gpu, Kind as AdapterKind, Options, Renderer, Resident, Tiling, Tilings};
 use tyndall::render::{Culling, Settings};
 use tyndall::scene::automatic::{self, Outliers};
 use tyndall::scene::camera::{Camera, VERTICAL_ANGLE};
@@ -39,6 +39,8 @@ const STREAMED: u64 = 1 << 28;
 /// Of each measurement: how long it may take, and how many frames it has at least and at most.
 const MEASURED: Duration = Duration::from_millis(400);
 const FRAMES: [u32; 2] = [2, 2000];
+/// How long a way to walk is tried.
+const VARIED: Duration = Duration::from_millis(150);
 /// Rays that share nothing, on hardware and on a program.
 const RAYS: [u64; 2] = [1 << 22, 1 << 12];
 
@@ -60,24 +62,15 @@ const PICTURES: [&str; 16] = [
     "default look 4 frames/s",
     "incoherent Mrays/s",
 ];
-const VARIANTS: [&str; 9] = [
-    "set",
-    "camera",
-    "tile",
-    "threads a pixel",
-    "nodes at once",
-    "checks",
-    "hits 1 ms",
-    "hits 4 ms",
-    "hits 16 ms",
-];
+const VARIANTS: [&str; 7] = ["set", "camera", "samples", "first walk", "second walk", "checks", "hits ms"];
 
-const FLOORS: [&str; 13] = [
+const FLOORS: [&str; 15] = [
     "set",
     "particles",
     "camera",
     "samples",
     "steps a tile",
+    "longest tile",
     "nodes a tile",
     "leaves a tile",
     "tests a sample",
@@ -85,6 +78,7 @@ const FLOORS: [&str; 13] = [
     "memory us",
     "arithmetic us",
     "latency us",
+    "longest us",
     "limit",
 ];
 
@@ -111,24 +105,27 @@ const STEP_SECS: f64 = 0.34e-6;
 /// Tiles that a processor holds at one time: 2048 threads in groups of 64.
 const TILES_AT_ONCE: f64 = 32.0;
 
-/// Layouts of the kernel that are compared.
-fn variants() -> Vec<Tiling> {
+/// Ways to walk that are compared, for so many samples.
+fn variants(samples: u32) -> Vec<Tilings> {
     let tiling = |tile, split, nodes| Tiling { tile, split, nodes };
+    let default = Tilings::of(samples);
+    let endless = |first| Tilings { first, patience: 0, ..default };
+    let patient = |patience, second| Tilings { patience, second, ..default };
+    let (small, tiny) = (tiling([4, 4], 4, 8), tiling([2, 2], 16, 8));
     vec![
-        tiling([8, 8], 1, 8),
-        tiling([8, 8], 1, 4),
-        tiling([8, 8], 1, 2),
-        tiling([8, 8], 1, 1),
-        tiling([8, 4], 1, 4),
-        tiling([8, 4], 1, 2),
-        tiling([4, 4], 4, 8),
-        tiling([4, 4], 4, 4),
-        tiling([8, 4], 4, 8),
-        tiling([8, 8], 4, 8),
-        tiling([8, 8], 4, 16),
-        tiling([16, 8], 1, 8),
-        tiling([16, 16], 1, 8),
-        tiling([16, 16], 1, 16),
+        endless(tiling([8, 8], 1, 4)),
+        endless(tiling([8, 4], 4, 8)),
+        endless(tiling([4, 4], 4, 4)),
+        endless(tiling([8, 8], 4, 16)),
+        patient(32, small),
+        patient(64, small),
+        patient(128, small),
+        patient(256, small),
+        patient(64, tiny),
+        patient(128, tiny),
+        Tilings { first: tiling([8, 4], 4, 8), ..patient(64, small) },
+        Tilings { first: tiling([4, 4], 4, 4), ..patient(64, tiny) },
+        patient(64, tiling([8, 8], 4, 16)),
     ]
 }
 
@@ -137,8 +134,8 @@ struct Bench<'a> {
     args: &'a args::Bench,
     report: &'a Report,
     gpu: Gpu,
-    /// Another handle on the same card, whose kernels do not check themselves.
-    trusted: Option<Gpu>,
+    /// Another handle on the same card, whose kernels check themselves.
+    checked: Option<Gpu>,
     pictures: Table,
     floors: Table,
     variants: Table,
@@ -152,8 +149,8 @@ pub(crate) fn run(args: &args::Bench, report: &Report) -> Outcome<()> {
         Choice::Auto | Choice::Cpu => None,
     };
     let gpu = Gpu::open(Options { name: name.clone(), ..Options::default() })?;
-    let trusted = match args.variants {
-        true => Some(Gpu::open(Options { name, trusted: true, ..Options::default() })?),
+    let checked = match args.variants {
+        true => Some(Gpu::open(Options { name, checked: true, ..Options::default() })?),
         false => None,
     };
     let info = gpu.info();
@@ -162,7 +159,7 @@ pub(crate) fn run(args: &args::Bench, report: &Report) -> Outcome<()> {
         args,
         report,
         gpu,
-        trusted,
+        checked,
         pictures: Table::new(&PICTURES),
         floors: Table::new(&FLOORS),
         variants: Table::new(&VARIANTS),
@@ -317,6 +314,7 @@ impl Bench<'_> {
                 ("memory", bytes / card.bytes_a_sec),
                 ("arithmetic", operations / card.operations_a_sec),
                 ("latency", steps * STEP_SECS / tiles.min(TILES_AT_ONCE * card.processors)),
+                ("longest tile", work.most_steps as f64 * STEP_SECS),
             ]
         });
         let us = |secs: Option<f64>| secs.map_or(Cell::Unknown, |secs| Cell::Number(1e6 * secs, 1));
@@ -328,6 +326,7 @@ impl Bench<'_> {
             Cell::Word(camera_name.into()),
             Cell::Count(samples as usize),
             Cell::Number(steps / tiles, 1),
+            Cell::Count(work.most_steps as usize),
             Cell::Number(nodes / tiles, 1),
             Cell::Number(leaves / tiles, 1),
             Cell::Number(tests / all, 2),
@@ -335,49 +334,59 @@ impl Bench<'_> {
             floor(0),
             floor(1),
             floor(2),
+            floor(3),
             limit.map_or(Cell::Unknown, |(name, _)| Cell::Word(name.into())),
         ]))
     }
 
-    /// Times the kernel that finds hits in each of its layouts.
+    /// Times the kernels that find hits in each way to walk; with checks the default alone.
     fn compare(&mut self, set: &str, scene: &Scene, cameras: &[(&str, Camera)]) -> Outcome<()> {
-        for (gpu, checks) in [(Some(&self.gpu), "on"), (self.trusted.as_ref(), "off")] {
+        let progress = self.report.progress();
+        for (gpu, checks) in [(Some(&self.gpu), "off"), (self.checked.as_ref(), "on")] {
             let Some(gpu) = gpu else { continue };
-            let resident = Resident::load(gpu, scene, self.report.progress())?;
-            for (name, camera) in cameras {
-                for tiling in variants() {
-                    if tiling.threads() > gpu.workgroup_threads() {
+            let resident = Resident::load(gpu, scene, progress)?;
+            for ((name, camera), samples) in
+                cameras.iter().flat_map(|camera| [1, 4, 16].map(|samples| (camera, samples)))
+            {
+                let all = if checks == "on" { vec![Tilings::of(samples)] } else { variants(samples) };
+                for tilings in all {
+                    let Tilings { first, second, patience } = tilings;
+                    if first.threads().max(second.threads()) > gpu.workgroup_threads() {
                         continue;
                     }
-                    let mut cells = vec![
+                    let settings = self.settings(samples);
+                    let mut renderer =
+                        Renderer::new(&resident, scene, camera, &settings)?.with_tilings(tilings);
+                    renderer.prepare(progress)?;
+                    // A card that has waited has a slow clock: it is kept at work.
+                    let start = Instant::now();
+                    let mut times = Vec::new();
+                    while times.len() < 5 || (start.elapsed() < VARIED && times.len() < 200) {
+                        for _ in 0..8 {
+                            renderer.restart(camera)?;
+                            renderer.pass(progress)?;
+                        }
+                        let Some([hits, _]) = renderer.time_pass(progress)? else { break };
+                        times.push(hits);
+                    }
+                    times.sort_by(f64::total_cmp);
+                    let text = |tiling: Tiling| {
+                        format!("{}x{}/{}/{}", tiling.tile[0], tiling.tile[1], tiling.split, tiling.nodes)
+                    };
+                    let after = if patience == 0 {
+                        "none".into()
+                    } else {
+                        format!("{} after {patience}", text(second))
+                    };
+                    self.variants.add([
                         Cell::Word(set.into()),
                         Cell::Word((*name).into()),
-                        Cell::Word(format!("{}x{}", tiling.tile[0], tiling.tile[1])),
-                        Cell::Count(tiling.split as usize),
-                        Cell::Count(tiling.nodes as usize),
+                        Cell::Count(samples as usize),
+                        Cell::Word(text(first)),
+                        Cell::Word(after),
                         Cell::Word(checks.into()),
-                    ];
-                    for samples in [1, 4, 16] {
-                        // What has too few threads with fewer samples is another variant.
-                        if tiling.split > samples {
-                            cells.push(Cell::Unknown);
-                            continue;
-                        }
-                        let settings = self.settings(samples);
-                        let mut renderer =
-                            Renderer::new(&resident, scene, camera, &settings)?.with_tiling(tiling);
-                        let mut times = Vec::new();
-                        for _ in 0..6 {
-                            times.extend(renderer.time_pass(self.report.progress())?.map(|[hits, _]| hits));
-                        }
-                        times.sort_by(f64::total_cmp);
-                        cells.push(
-                            times
-                                .get(times.len() / 3)
-                                .map_or(Cell::Unknown, |secs| Cell::Number(1e3 * secs, 3)),
-                        );
-                    }
-                    self.variants.add(cells);
+                        times.get(times.len() / 4).map_or(Cell::Unknown, |secs| Cell::Number(1e3 * secs, 3)),
+                    ]);
                 }
             }
         }

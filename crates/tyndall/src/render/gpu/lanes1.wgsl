@@ -29,3 +29,8 @@ fn smaller_id(node: u32, met: LanesU) -> LanesB {
 fn store_hits(first: u32, depth: Lanes, node: LanesU) {
     hits[first] = vec2u(bitcast<u32>(depth), node);
 }
+
+fn load_hits(first: u32) -> Found {
+    let hit = hits[first];
+    return Found(bitcast<f32>(hit.x), hit.y);
+}

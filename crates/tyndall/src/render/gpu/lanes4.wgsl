@@ -34,3 +34,11 @@ fn store_hits(first: u32, depth: Lanes, node: LanesU) {
     hits[first + 2u] = vec2u(bits.z, node.z);
     hits[first + 3u] = vec2u(bits.w, node.w);
 }
+
+fn load_hits(first: u32) -> Found {
+    let a = hits[first];
+    let b = hits[first + 1u];
+    let c = hits[first + 2u];
+    let d = hits[first + 3u];
+    return Found(bitcast<vec4f>(vec4u(a.x, b.x, c.x, d.x)), vec4u(a.y, b.y, c.y, d.y));
+}

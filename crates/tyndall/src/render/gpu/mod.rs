@@ -27,8 +27,8 @@ use crate::scene::light::Lighting;
 pub use device::{AdapterInfo, Gpu, Kind, Options, adapters};
 use film::Film;
 pub use resident::Resident;
-use shader::Sampling;
-pub use shader::Tiling;
+use shader::{Sampling, Walk};
+pub use shader::{Tiling, Tilings};
 
 /// What a band of a picture should take at most, so that a display on the same card stays alive.
 const BAND: Duration = Duration::from_millis(50);
@@ -39,9 +39,12 @@ const BAND_ROWS: u32 = 16;
 #[derive(Clone)]
 struct Kernels {
     find_hits: wgpu::ComputePipeline,
-    shade: wgpu::ComputePipeline,
+    /// Goes on with tiles that were laid aside, if any are.
+    go_on: Option<wgpu::ComputePipeline>,
+    /// None where only hits are asked for.
+    shade: Option<wgpu::ComputePipeline>,
     samples: u32,
-    tiling: Tiling,
+    tilings: Tilings,
 }
 
 /// What a pass does to find hits.
@@ -51,6 +54,8 @@ pub struct Work {
     pub tiles: u64,
     /// Steps of the walk, of all tiles: each takes several leaves, or several nodes.
     pub steps: u64,
+    /// Steps of the tile that has most.
+    pub most_steps: u64,
     /// Leaves whose particles were projected.
     pub leaves: u64,
     /// Nodes whose children were projected.
@@ -65,7 +70,8 @@ pub struct Renderer<'a> {
     scene: &'a Scene,
     view: View,
     settings: Settings,
-    tiling: Tiling,
+    /// Others than those for the number of samples.
+    tilings: Option<Tilings>,
     film: Film,
     samples_done: u32,
     nearness: Nearness,
@@ -88,13 +94,13 @@ impl<'a> Renderer<'a> {
     ) -> Result<Self> {
         settings.check()?;
         let view = camera.view(scene.structure().origin(), settings.width, settings.height)?;
-        let film = Film::new(resident.gpu(), settings)?;
+        let film = Film::new(resident.gpu(), resident, settings)?;
         Ok(Self {
             resident,
             scene,
             view,
             settings: *settings,
-            tiling: Tiling::default(),
+            tilings: None,
             film,
             samples_done: 0,
             nearness: Nearness::NONE,
@@ -105,8 +111,8 @@ impl<'a> Renderer<'a> {
     }
 
     /// Uses tiles of another shape. The picture stays the same.
-    pub fn with_tiling(self, tiling: Tiling) -> Self {
-        Self { tiling, ..self }
+    pub fn with_tilings(self, tilings: Tilings) -> Self {
+        Self { tilings: Some(tilings), ..self }
     }
 
     /// Whether every pixel has all its samples.
@@ -177,9 +183,9 @@ impl<'a> Renderer<'a> {
         timer.secs(gpu).map(Some)
     }
 
-    /// What the walk of the first pass does: counts of all tiles, in the default tiling. None if one band is too little for it.
+    /// What the walk of the first pass does: counts of all tiles if none is laid aside. None if one band is too little for it.
     pub fn count_work(&mut self, progress: &dyn Progress) -> Result<Option<Work>> {
-        let Settings { width, height, samples, seed } = self.settings;
+        let Settings { width, height, samples, seed, .. } = self.settings;
         let gpu = self.resident.gpu();
         let Some(added) = Samples::after(0, samples, seed) else {
             return Ok(None);
@@ -188,31 +194,35 @@ impl<'a> Renderer<'a> {
             return Ok(None);
         }
         self.restart_counts();
-        let sampling = Sampling { counted: true, ..self.sampling(added.count, Tiling::default()) };
-        let text = self.resident.shape().tiles(sampling);
-        let find_hits = gpu.pipeline(text, "find_hits", self.resident.pass_layout(), progress)?;
-        let kernels = Kernels { find_hits, tiling: sampling.tiling, ..self.kernels(added.count, progress)? };
+        let sampling = self.sampling(added.count);
+        let text = self.resident.shape().tiles(sampling, Walk::Counted);
+        let layout = &self.resident.walk_layouts()[0];
+        let find_hits = gpu.pipeline(text, "find_hits", layout, progress)?;
+        let tilings = sampling.tilings;
+        let kernels = Kernels { find_hits, go_on: None, shade: None, samples: added.count, tilings };
         let pass = self.pass_record(&added);
         self.film.set_samples(gpu, &added);
         self.film.set_pass(gpu, &pass);
         self.film.submit_band(gpu, self.resident, &kernels, height, None)?;
-        // The light on what is no hit means nothing.
-        self.restart_counts();
         let mut work = Work::default();
-        let tile = sampling.tiling.tile;
+        let tile = tilings.first.tile;
         self.film.read_hits(gpu, |hits| {
             let pixels = hits.chunks_exact(added.count as usize).take(width as usize * height as usize);
             for (pixel, hits) in (0..).zip(pixels) {
                 let told = u64::from(hits[0].node);
                 work.tests += u64::from(hits[0].depth.to_bits());
                 match (pixel % width % tile[0], pixel / width % tile[1]) {
-                    (0, 0) => work.steps += told,
+                    (0, 0) => {
+                        work.steps += told;
+                        work.most_steps = work.most_steps.max(told);
+                    }
                     (1, 0) => work.leaves += told,
                     (2, 0) => work.nodes += told,
                     _ => {}
                 }
             }
         })?;
+        // Each thread has told of the first sample of its pixel, for all that it has.
         work.tests *= u64::from(added.count);
         work.tiles = u64::from(width.div_ceil(tile[0])) * u64::from(height.div_ceil(tile[1]));
         Ok(Some(work))
@@ -224,9 +234,9 @@ impl<'a> Renderer<'a> {
         self.nearness = Nearness::NONE;
     }
 
-    fn sampling(&self, samples: u32, tiling: Tiling) -> Sampling {
-        let perspective = self.view.perspective;
-        Sampling { samples, perspective, tiling: tiling.of(samples), counted: false }
+    fn sampling(&self, samples: u32) -> Sampling {
+        let tilings = self.tilings.unwrap_or_else(|| Tilings::of(samples));
+        Sampling { samples, perspective: self.view.perspective, tilings }
     }
 
     /// Makes the kernels that the picture needs, so that passes do not wait for them.
@@ -241,7 +251,7 @@ impl<'a> Renderer<'a> {
     }
 
     fn kernels(&mut self, samples: u32, progress: &dyn Progress) -> Result<Kernels> {
-        let sampling = self.sampling(samples, self.tiling);
+        let sampling = self.sampling(samples);
         let light = match self.scene.lighting {
             Lighting::Studio(..) => "shade_studio",
             Lighting::Headlight | Lighting::Flat => "shade_open",
@@ -255,14 +265,18 @@ impl<'a> Renderer<'a> {
         }
         let shape = self.resident.shape();
         let gpu = self.resident.gpu();
-        let layout = self.resident.pass_layout();
-        // Light is the same for every shape of tiles.
-        let shading = self.sampling(samples, Tiling::default());
+        let [first, second] = self.resident.walk_layouts();
+        let mut go_on = None;
+        if sampling.tilings.patience > 0 {
+            let text = shape.tiles(sampling, Walk::Second);
+            go_on = Some(gpu.pipeline(text, "find_hits", second, progress)?);
+        }
         let kernels = Kernels {
-            find_hits: gpu.pipeline(shape.tiles(sampling), "find_hits", layout, progress)?,
-            shade: gpu.pipeline(shape.shade(shading), light, layout, progress)?,
+            find_hits: gpu.pipeline(shape.tiles(sampling, Walk::First), "find_hits", first, progress)?,
+            go_on,
+            shade: Some(gpu.pipeline(shape.shade(sampling), light, self.resident.pass_layout(), progress)?),
             samples,
-            tiling: sampling.tiling,
+            tilings: sampling.tilings,
         };
         self.made.push((kernels.clone(), sampling, light));
         Ok(kernels)

@@ -13,7 +13,7 @@ use crate::structure::bvh::{Arrays, SizeArrays};
 use crate::structure::{Hit, Store, Structure};
 
 /// Storage buffers of a pass besides the scene's.
-const PASS_BUFFERS: u64 = 4;
+const PASS_BUFFERS: u64 = 5;
 /// Rays answered at once; bounds memory and the time of a dispatch.
 const RAYS_AT_ONCE: usize = 1 << 20;
 
@@ -24,6 +24,9 @@ pub struct Resident<'a> {
     group: wgpu::BindGroup,
     pass_bindings: wgpu::BindGroupLayout,
     pass_layout: wgpu::PipelineLayout,
+    /// Of the first and of the second walk.
+    aside_bindings: [wgpu::BindGroupLayout; 2],
+    walk_layouts: [wgpu::PipelineLayout; 2],
     ray_bindings: wgpu::BindGroupLayout,
     ray_layout: wgpu::PipelineLayout,
     bytes: u64,
@@ -162,12 +165,17 @@ impl<'a> Resident<'a> {
             &[Binding::Uniform, Binding::Read, Binding::Written, Binding::Written, Binding::Written],
             5,
         );
+        let aside_bindings = [Binding::Written, Binding::Read].map(|binding| gpu.layout(&[binding], 1));
         let ray_bindings = gpu.layout(&[Binding::Read, Binding::Written], 2);
         Ok(Self {
             gpu,
             shape,
             group,
             pass_layout: gpu.pipeline_layout(&[&pass_bindings, &scene_bindings]),
+            walk_layouts: aside_bindings
+                .each_ref()
+                .map(|aside| gpu.pipeline_layout(&[&pass_bindings, &scene_bindings, aside])),
+            aside_bindings,
             ray_layout: gpu.pipeline_layout(&[&ray_bindings, &scene_bindings]),
             pass_bindings,
             ray_bindings,
@@ -199,6 +207,15 @@ impl<'a> Resident<'a> {
 
     pub(super) fn pass_layout(&self) -> &wgpu::PipelineLayout {
         &self.pass_layout
+    }
+
+    /// Bindings of what is laid aside: of the first and of the second walk.
+    pub(super) fn aside_bindings(&self) -> &[wgpu::BindGroupLayout; 2] {
+        &self.aside_bindings
+    }
+
+    pub(super) fn walk_layouts(&self) -> &[wgpu::PipelineLayout; 2] {
+        &self.walk_layouts
     }
 
     /// What each ray enters first; see [`Structure::intersect`]. `structure` is that of the scene that was loaded.

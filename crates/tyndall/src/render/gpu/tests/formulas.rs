@@ -3,7 +3,7 @@
 use glam::Vec3;
 
 use super::super::layout;
-use super::super::shader::{Sampling, Shape, Tiling};
+use super::super::shader::{Sampling, Shape, Tilings};
 use super::super::{Gpu, Options, Resident};
 use crate::math::{Ray, enter_sphere};
 use crate::particles::{Attribute, Columns, Particles, Positions, Radii, Values};
@@ -18,7 +18,7 @@ use glam::DVec3;
 const COUNT: usize = 4096;
 
 fn device() -> Option<Gpu> {
-    match Gpu::open(Options::default()) {
+    match Gpu::open(Options { checked: true, ..Options::default() }) {
         Ok(gpu) => Some(gpu),
         Err(error) => {
             println!("skipped: no adapter ({error})");
@@ -69,7 +69,7 @@ fn evaluate(
 }
 
 fn sampling(perspective: bool) -> Sampling {
-    Sampling { samples: 1, perspective, tiling: Tiling::default(), counted: false }
+    Sampling { samples: 1, perspective, tilings: Tilings::of(1) }
 }
 
 /// How many values differ by more than `tolerance`, relative to `scale`.
