@@ -19,7 +19,9 @@ mod statistics;
 pub mod viewpoint;
 
 use crate::structure::Structure;
-use color::{ColorColumn, ParticleColors};
+#[cfg(feature = "gpu")]
+use color::ColorColumn;
+use color::ParticleColors;
 use light::Lighting;
 pub use statistics::{grouped, short};
 
@@ -57,6 +59,7 @@ impl Scene {
     }
 
     /// The colors as they are held, by node.
+    #[cfg(feature = "gpu")]
     pub(crate) fn color_column(&self) -> ColorColumn<'_> {
         self.colors.column()
     }

@@ -3,5 +3,7 @@
 mod certified;
 mod culling;
 mod oracle;
-pub(crate) mod scenes;
+mod scenes;
+#[cfg(feature = "gpu")]
+mod twins;
 mod visibility;
