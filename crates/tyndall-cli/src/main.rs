@@ -4,8 +4,13 @@
 
 mod args;
 mod bench;
+mod bench_culling;
 mod bench_density;
+#[cfg(feature = "gpu")]
+mod bench_gpu;
 mod bench_medium;
+mod culling;
+mod device;
 mod dry_run;
 mod help;
 mod info;
@@ -30,6 +35,8 @@ use args::{Cli, Common, Verb};
 use report::{Failure, Outcome, Report};
 
 fn main() -> ExitCode {
+    #[cfg(feature = "gpu")]
+    without_display();
     let cli = match Cli::try_parse() {
         Ok(cli) => cli,
         Err(error) => return usage::explain(&error),
@@ -38,12 +45,21 @@ fn main() -> ExitCode {
     let done = match cli.verb {
         Verb::Render(args) => with(&args.common, |report| render::run(&args, report)),
         Verb::Info(args) => with(&args.common, |report| info::run(&args, report)),
+        Verb::Devices(args) => with(&args.common, device::list),
         Verb::Bench(args) => with(&args.common, |report| bench::run(&args, report)),
         Verb::Completions { shell } => told(help::completions(shell)),
         Verb::Man { verb } => told(help::man(verb.as_deref())),
         Verb::Other(words) => told(Err(usage::no_verb(&words))),
     };
     done.unwrap_or_else(|failure| failure.exit_code())
+}
+
+/// Keeps a layer of Mesa's drivers from asking for a display, which it misses loudly where there is none.
+#[cfg(feature = "gpu")]
+#[expect(unsafe_code, reason = "the environment is shared by all threads")]
+fn without_display() {
+    // SAFETY: it is the first thing that the process does; nothing else runs yet that could read the environment.
+    unsafe { std::env::set_var("NODEVICE_SELECT", "1") };
 }
 
 /// Runs a verb with the threads and the voice that it was given.

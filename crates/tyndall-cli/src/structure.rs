@@ -1,9 +1,9 @@
 //! Structures as the command line names them, and what is said about one that is packed.
 
 use tyndall::scene::short;
-use tyndall::structure::{Kind, Packing, PackingError, pkd};
+use tyndall::structure::{Kind, Packing, PackingError, pkd, treelets};
 
-use crate::args::{Pack, PkdAxis, PkdOrder, StructureArgs, StructureName};
+use crate::args::{Pack, PkdAxis, PkdOrder, StructureArgs, StructureName, TreeletCut};
 use crate::report::{Failure, Outcome};
 
 /// The structure that the command line names.
@@ -14,21 +14,31 @@ pub(crate) fn kind(args: &StructureArgs) -> Outcome<Kind> {
         Pack::Bits11 => Packing::Bits11,
         Pack::Bits8 => Packing::Bits8,
     };
-    if packing != Packing::Exact && args.structure != StructureName::Bvh {
+    let structure = args.structure.unwrap_or(StructureName::Bvh);
+    if packing != Packing::Exact && structure != StructureName::Bvh {
         return Err(Failure::Usage("--pack is for --structure bvh only — leave one of them out".into()));
     }
-    Ok(match args.structure {
+    let heap = pkd::Options {
+        axis: match args.pkd_axis {
+            PkdAxis::Widest => pkd::Axis::WidestExtent,
+            PkdAxis::RoundRobin => pkd::Axis::RoundRobin,
+        },
+        order: match args.pkd_order {
+            PkdOrder::Node => pkd::Order::NodeFirst,
+            PkdOrder::Near => pkd::Order::NearChildFirst,
+        },
+    };
+    Ok(match structure {
         StructureName::Bvh => Kind::Bvh(packing),
         StructureName::Brute => Kind::Brute,
-        StructureName::Pkd => Kind::Pkd(pkd::Options {
-            axis: match args.pkd_axis {
-                PkdAxis::Widest => pkd::Axis::WidestExtent,
-                PkdAxis::RoundRobin => pkd::Axis::RoundRobin,
+        StructureName::Pkd => Kind::Pkd(heap),
+        StructureName::Treelets => Kind::Treelets(treelets::Options {
+            size: args.treelet_size,
+            cut: match args.treelet_cut {
+                TreeletCut::Median => treelets::Cut::Median,
+                TreeletCut::Middle => treelets::Cut::Middle,
             },
-            order: match args.pkd_order {
-                PkdOrder::Node => pkd::Order::NodeFirst,
-                PkdOrder::Near => pkd::Order::NearChildFirst,
-            },
+            heap,
         }),
     })
 }
@@ -41,6 +51,7 @@ pub(crate) fn name(kind: Kind) -> &'static str {
         Kind::Bvh(Packing::Bits11) => "bvh packed 11 bits",
         Kind::Bvh(Packing::Bits8) => "bvh packed 8 bits",
         Kind::Pkd(_) => "pkd",
+        Kind::Treelets(_) => "treelets",
         Kind::Brute => "brute force",
     }
 }

@@ -5,7 +5,7 @@ mod cube;
 use divan::Bencher;
 use divan::counter::ItemsCount;
 use tyndall::math::Ray;
-use tyndall::render::{Settings, render};
+use tyndall::render::{Culling, Settings, render};
 use tyndall::scene::camera::Projection;
 use tyndall::structure::{Kind, Structure, pkd};
 use tyndall::{DVec3, synthetic};
@@ -34,7 +34,8 @@ fn structure(law: &str, kind: Kind) -> Structure {
 fn picture(bencher: Bencher, law: &str, picture: Picture) {
     let camera = cube::camera(picture.projection);
     let scene = cube::scene(structure(law, picture.kind), &camera, picture.look);
-    let settings = Settings { width: EDGE, height: EDGE, samples: picture.samples, seed: 1 };
+    let settings =
+        Settings { width: EDGE, height: EDGE, samples: picture.samples, seed: 1, culling: Culling::Off };
     bencher
         .counter(ItemsCount::new((EDGE * EDGE * picture.samples) as usize))
         .bench(|| render(&scene, &camera, &settings, &()).expect("valid settings"));

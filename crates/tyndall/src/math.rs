@@ -33,6 +33,11 @@ impl Bounds {
         Self { min: self.min - margin, max: self.max + margin }
     }
 
+    /// The box moved by `offset`.
+    pub fn moved(self, offset: Vec3) -> Self {
+        Self { min: self.min + offset, max: self.max + offset }
+    }
+
     /// Whether the box holds no point.
     pub fn is_empty(&self) -> bool {
         !(self.min.cmple(self.max).all())

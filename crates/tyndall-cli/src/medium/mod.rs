@@ -194,7 +194,8 @@ impl Job<'_> {
     /// The settings that are written into the picture.
     fn spheres_settings(&self) -> tyndall::render::Settings {
         let march::Settings { width, height, samples, seed, .. } = self.settings();
-        tyndall::render::Settings { width, height, samples, seed }
+        let culling = tyndall::render::Culling::Off;
+        tyndall::render::Settings { width, height, samples, seed, culling }
     }
 
     fn optics(&self, extinction: [f32; 3]) -> Outcome<Optics> {

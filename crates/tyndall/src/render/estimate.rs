@@ -2,7 +2,7 @@
 //!
 //! The times are those of one core of a 2.x GHz server; they say whether to wait for seconds or for hours, no more.
 
-use super::Settings;
+use super::{Culling, Settings};
 use crate::particles::Particles;
 use crate::structure::{AT_ONCE, Kind, Packing};
 
@@ -16,6 +16,10 @@ const ID_BYTES: u64 = 4;
 const RECORD_BYTES: u64 = 20;
 /// Memory of a pixel: sums, depth, id, and the same in the finished picture, and its bytes on their way to the file.
 const PIXEL_BYTES: u64 = 72;
+/// Memory of a pixel for culling by confidence: two pairs with their counts, the depth at which its rays end, and a copy to read.
+const CONFIDENCE_BYTES: u64 = 48;
+/// Memory of a voxel of its density grid.
+const VOXEL_BYTES: u64 = 4;
 /// Time of a particle in a build, in seconds of a core.
 const BUILD_SECS: f64 = 0.3e-6;
 /// Time of a sample of a headlight or flat picture, in seconds of a core.
@@ -74,13 +78,25 @@ impl Work {
             Kind::Bvh(Packing::Bits16) => 9,
             Kind::Bvh(Packing::Bits11) => 7,
             Kind::Bvh(Packing::Bits8) => 6,
-            Kind::Pkd(_) | Kind::Brute => 16,
+            // A box of 32 bytes, and a share of a node of 100, each treelet; cuts through the middle leave treelets half full.
+            Kind::Treelets(options) => 13 + 4 + 100_u64.div_ceil(u64::from(options.size.max(1))),
+            Kind::Pkd(_) => 17,
+            Kind::Brute => 16,
         };
         ID_BYTES + bytes
     }
 
+    /// Memory of the picture, and of what culling keeps; its grid is taken to be a cube, as it is for particles that fill one.
     fn pixel_bytes(&self) -> u64 {
-        u64::from(self.settings.width) * u64::from(self.settings.height) * PIXEL_BYTES
+        let pixels = u64::from(self.settings.width) * u64::from(self.settings.height);
+        let culling = match self.settings.culling {
+            Culling::Off | Culling::Certified(_) => 0,
+            Culling::Confidence(options) => {
+                let voxels = u64::from(options.voxel_count).pow(3).saturating_mul(VOXEL_BYTES);
+                voxels.saturating_add(pixels * CONFIDENCE_BYTES)
+            }
+        };
+        (pixels * PIXEL_BYTES).saturating_add(culling)
     }
 
     /// The time that it takes `threads` cores to build and render, in seconds.
@@ -92,6 +108,7 @@ impl Work {
         let (build, tries) = match self.structure {
             Kind::Brute => (0.0, self.particles as f64 / 16.0),
             Kind::Bvh(_) => (BUILD_SECS, 1.0),
+            Kind::Treelets(_) => (2.0 * BUILD_SECS, 4.0),
             Kind::Pkd(_) => (2.0 * BUILD_SECS, 8.0),
         };
         (self.particles as f64 * build + samples * sample * tries.max(1.0)) / threads.max(1) as f64
@@ -104,7 +121,7 @@ mod tests {
 
     #[test]
     fn more_work_costs_more() {
-        let settings = Settings { width: 800, height: 800, samples: 16, seed: 0 };
+        let settings = Settings { width: 800, height: 800, samples: 16, ..Settings::default() };
         let few = Work::of_count(1_000, Kind::default(), settings);
         let many = Work { particles: 1_000_000_000, columns_bytes: 12_000_000_000, ..few };
         assert!(many.memory_bytes() > 30_000_000_000 && many.memory_bytes() < 50_000_000_000);
@@ -112,6 +129,9 @@ mod tests {
         assert!(many.seconds(2) > few.seconds(2) && few.seconds(1) > few.seconds(2));
         let all = Work::of_count(u64::MAX, Kind::default(), settings);
         assert_eq!(all.memory_bytes(), u64::MAX);
+        let culling = Culling::Confidence(super::super::confidence::Options::default());
+        let culled = Work { settings: Settings { culling, ..settings }, ..few };
+        assert!(culled.memory_bytes() > few.memory_bytes() + (1 << 26));
         assert!(many.streamed_bytes() < 25_000_000_000, "{}", many.streamed_bytes());
     }
 }

@@ -3,8 +3,12 @@
 //! [`Renderer::pass`] adds up to sixteen samples to every pixel; [`Renderer::image`] is the picture so far. The same settings
 //! give the same picture, bit for bit, whatever the number of threads and the width of SIMD.
 
+pub mod certified;
+pub mod confidence;
 pub mod cpu;
 pub mod estimate;
+#[cfg(feature = "gpu")]
+pub mod gpu;
 pub mod medium;
 mod sampling;
 mod shade;
@@ -15,6 +19,7 @@ use crate::progress::Progress;
 use crate::scene::Scene;
 use crate::scene::camera::{Camera, View};
 use cpu::Film;
+use sampling::Samples;
 
 /// The knobs of a picture.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -27,11 +32,57 @@ pub struct Settings {
     pub samples: u32,
     /// Another seed gives other random numbers.
     pub seed: u32,
+    /// What is not traced because it is likely, or sure, to be hidden.
+    pub culling: Culling,
+}
+
+/// How particles that others hide are left out.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Culling {
+    /// Not at all, beyond what each ray finds for itself.
+    Off,
+    /// Where a pixel is likely to be covered. Lossy.
+    Confidence(confidence::Options),
+    /// Where that is proven. The picture is that of `Off`, bit for bit.
+    Certified(certified::Options),
+}
+
+impl Culling {
+    /// Which proofs are sought.
+    fn certified(&self) -> certified::Options {
+        match self {
+            Self::Certified(options) => *options,
+            _ => certified::Options::OFF,
+        }
+    }
+}
+
+impl Default for Culling {
+    fn default() -> Self {
+        Self::Certified(certified::Options::default())
+    }
 }
 
 impl Default for Settings {
     fn default() -> Self {
-        Self { width: 1920, height: 1080, samples: 64, seed: 0 }
+        Self { width: 1920, height: 1080, samples: 64, seed: 0, culling: Culling::default() }
+    }
+}
+
+impl Settings {
+    /// Fails with [`Error::Setting`] if a knob is out of range.
+    fn check(&self) -> Result<()> {
+        let Self { width, height, samples, .. } = *self;
+        if !(1..=65536).contains(&width) || !(1..=65536).contains(&height) {
+            return Err(Error::setting("size", format!("{width}x{height}"), "1x1 to 65536x65536 pixels"));
+        }
+        if samples == 0 {
+            return Err(Error::setting("samples", samples, "at least 1 a pixel"));
+        }
+        match &self.culling {
+            Culling::Off | Culling::Certified(_) => Ok(()),
+            Culling::Confidence(options) => options.check(),
+        }
     }
 }
 
@@ -41,24 +92,26 @@ pub struct Renderer<'a> {
     view: View,
     settings: Settings,
     film: Film,
+    culling: Option<cpu::Confidence>,
     samples_done: u32,
+    counts: certified::Counts,
     level: fearless_simd::Level,
 }
 
 impl<'a> Renderer<'a> {
     /// A picture without samples yet. Fails with [`Error::Setting`] if a knob or the camera is out of range.
     pub fn new(scene: &'a Scene, camera: &Camera, settings: &Settings) -> Result<Self> {
-        let Settings { width, height, samples, .. } = *settings;
-        if !(1..=65536).contains(&width) || !(1..=65536).contains(&height) {
-            return Err(Error::setting("size", format!("{width}x{height}"), "1x1 to 65536x65536 pixels"));
-        }
-        if samples == 0 {
-            return Err(Error::setting("samples", samples, "at least 1 a pixel"));
-        }
+        settings.check()?;
+        let Settings { width, height, .. } = *settings;
         let view = camera.view(scene.structure().origin(), width, height)?;
         let film = Film::new(width, height);
+        let culling = match settings.culling {
+            Culling::Off | Culling::Certified(_) => None,
+            Culling::Confidence(options) => Some(cpu::Confidence::new(scene, &film, options)?),
+        };
         let level = fearless_simd::Level::new();
-        Ok(Self { scene, view, settings: *settings, film, samples_done: 0, level })
+        let counts = certified::Counts::default();
+        Ok(Self { scene, view, settings: *settings, film, culling, samples_done: 0, counts, level })
     }
 
     /// Uses narrower SIMD than the machine has.
@@ -72,25 +125,51 @@ impl<'a> Renderer<'a> {
         self.samples_done >= self.settings.samples
     }
 
-    /// Adds up to sixteen samples to every pixel. Fails only when interrupted; the film is then incomplete.
+    /// Adds up to sixteen samples to every pixel, with culling by confidence those of a frame. Fails only when interrupted; the
+    /// film is then incomplete.
     pub fn pass(&mut self, progress: &dyn Progress) -> Result<()> {
-        let left = self.settings.samples - self.samples_done;
-        let count = match left {
-            0 => return Ok(()),
-            1..4 => 1,
-            4..16 => 4,
-            _ => 16,
+        let pass = self.next_pass();
+        self.add(pass.as_slice(), progress)
+    }
+
+    /// Adds all samples that are missing, tile by tile. Fails only when interrupted; the film is then incomplete.
+    pub fn finish(&mut self, progress: &dyn Progress) -> Result<()> {
+        let pixels = u64::from(self.settings.width) * u64::from(self.settings.height);
+        let samples = u64::from(self.settings.samples - self.samples_done);
+        progress.begin("render", Some(pixels * samples), "samples");
+        let passes: Vec<cpu::Pass> = std::iter::from_fn(|| self.next_pass()).collect();
+        self.add(&passes, progress)
+    }
+
+    /// The next samples of every pixel, if any are missing; they count as done.
+    fn next_pass(&mut self) -> Option<cpu::Pass<'a>> {
+        let Settings { samples, seed, culling, .. } = self.settings;
+        let at_once = match culling {
+            Culling::Off | Culling::Certified(_) => u32::MAX,
+            Culling::Confidence(options) => options.frame_samples,
         };
-        let added = cpu::Samples {
-            seed: self.settings.seed,
-            first: self.samples_done,
-            count,
-            centered: self.settings.samples == 1,
-        };
-        let pass = self.film.pass(self.scene, self.view, added);
-        cpu::for_each_tile(&mut self.film, &pass, self.level, progress);
-        self.samples_done += count;
+        let added = Samples::after(self.samples_done, samples, seed)?.at_most(at_once);
+        self.samples_done += added.count;
+        Some(self.film.pass(self.scene, self.view, added, culling.certified()))
+    }
+
+    fn add(&mut self, passes: &[cpu::Pass], progress: &dyn Progress) -> Result<()> {
+        match &mut self.culling {
+            None => cpu::for_each_tile(&mut self.film, passes, None, self.level, progress),
+            // Each pass begins with what all pixels learned in the one before.
+            Some(culling) => passes.chunks(1).for_each(|pass| {
+                cpu::for_each_tile(&mut self.film, pass, Some(&mut *culling), self.level, progress);
+            }),
+        }
+        for pass in passes {
+            self.counts += pass.counts();
+        }
         if progress.cancelled() { Err(Error::Interrupted) } else { Ok(()) }
+    }
+
+    /// What certified culling saved, and what it could not, since this was made.
+    pub fn counts(&self) -> certified::Counts {
+        self.counts
     }
 
     /// Starts anew with another camera, in the same memory. Fails as [`Renderer::new`] does.
@@ -98,7 +177,23 @@ impl<'a> Renderer<'a> {
         let Settings { width, height, .. } = self.settings;
         self.view = camera.view(self.scene.structure().origin(), width, height)?;
         self.samples_done = 0;
+        if let Some(culling) = &mut self.culling {
+            culling.restart();
+        }
         Ok(())
+    }
+
+    /// Takes what culling by confidence has learned of this view for final, and starts the picture anew.
+    pub fn settle(&mut self) {
+        self.samples_done = 0;
+        if let Some(culling) = &mut self.culling {
+            culling.settle();
+        }
+    }
+
+    /// How far culling by confidence is; none with any other.
+    pub fn confidence(&self) -> Option<confidence::Report> {
+        Some(self.culling.as_ref()?.report(&self.film))
     }
 
     /// The picture of the samples so far.
@@ -117,10 +212,6 @@ impl<'a> Renderer<'a> {
 /// Renders a whole picture.
 pub fn render(scene: &Scene, camera: &Camera, settings: &Settings, progress: &dyn Progress) -> Result<Image> {
     let mut renderer = Renderer::new(scene, camera, settings)?;
-    let pixels = settings.width as u64 * settings.height as u64;
-    progress.begin("render", Some(pixels * settings.samples as u64), "samples");
-    while !renderer.is_done() {
-        renderer.pass(progress)?;
-    }
+    renderer.finish(progress)?;
     Ok(renderer.image())
 }

@@ -19,6 +19,8 @@ mod statistics;
 pub mod viewpoint;
 
 use crate::structure::Structure;
+#[cfg(feature = "gpu")]
+use color::ColorColumn;
 use color::ParticleColors;
 use light::Lighting;
 pub use statistics::{grouped, short};
@@ -54,6 +56,12 @@ impl Scene {
     /// Gives back the particles.
     pub fn into_structure(self) -> Structure {
         self.structure
+    }
+
+    /// The colors as they are held, by node.
+    #[cfg(feature = "gpu")]
+    pub(crate) fn color_column(&self) -> ColorColumn<'_> {
+        self.colors.column()
     }
 
     /// The color of the particle at `node`: linear RGB, 0 to 1.

@@ -6,8 +6,11 @@
 
 mod build;
 pub mod bvh;
+mod heap;
 mod pages;
 pub mod pkd;
+mod search;
+pub mod treelets;
 
 use glam::{DVec3, Vec3};
 
@@ -17,9 +20,11 @@ use crate::particles::{Particles, Radii};
 use crate::progress::Progress;
 use crate::source::Source;
 use build::{Record, records};
+use search::{Every, Observer, Search};
 
 pub use bvh::{Bvh, Packing, PackingError};
 pub use pkd::Pkd;
+pub use treelets::Treelets;
 
 /// The particles as a structure sees them: centers, as offsets from the particles' origin, and radii.
 #[derive(Clone, Copy)]
@@ -88,6 +93,15 @@ impl Hit {
     }
 }
 
+/// What finding a hit took.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Visits {
+    /// Nodes that were opened: boxes of a hierarchy together, one particle of a k-d tree with its cut.
+    pub nodes: u64,
+    /// Particles that were tested; all others lie in subtrees that were skipped.
+    pub particles: u64,
+}
+
 /// Which structure to build.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
@@ -95,6 +109,8 @@ pub enum Kind {
     Bvh(Packing),
     /// A balanced k-d tree in place.
     Pkd(pkd::Options),
+    /// Wide nodes over small k-d trees in place.
+    Treelets(treelets::Options),
     /// None: every particle is tried.
     Brute,
 }
@@ -117,6 +133,7 @@ pub struct Structure {
 pub(crate) enum Store {
     Bvh(Bvh),
     Pkd(Pkd),
+    Treelets(Treelets),
     Brute(Brute),
 }
 
@@ -126,6 +143,7 @@ macro_rules! each_store {
         match $store {
             Store::Bvh($held) => $body,
             Store::Pkd($held) => $body,
+            Store::Treelets($held) => $body,
             Store::Brute($held) => $body,
         }
     };
@@ -184,6 +202,16 @@ impl Structure {
         each_store!(&self.store, store => store.intersect(ray, except))
     }
 
+    /// As [`Structure::intersect`], and counts in `visits` what that took.
+    pub fn intersect_counted(&self, ray: &Ray, visits: &mut Visits) -> Option<Hit> {
+        each_store!(&self.store, store => store.search(Search::observed(ray, visits)))
+    }
+
+    /// Calls `met` with distance and node of every particle that `ray` enters, in no order, and returns the first one along it.
+    pub fn hits(&self, ray: &Ray, met: &mut dyn FnMut(f32, u32)) -> Option<Hit> {
+        each_store!(&self.store, store => store.search(Search::observed(ray, Every(met))))
+    }
+
     /// Whether `ray` enters any particle but the one at node `except`.
     pub fn occluded(&self, ray: &Ray, except: Option<u32>) -> bool {
         each_store!(&self.store, store => store.occluded(ray, except))
@@ -230,7 +258,7 @@ impl Structure {
     pub fn packing_error(&self) -> Option<&PackingError> {
         match &self.store {
             Store::Bvh(bvh) => bvh.packing_error(),
-            Store::Pkd(_) | Store::Brute(_) => None,
+            Store::Pkd(_) | Store::Treelets(_) | Store::Brute(_) => None,
         }
     }
 
@@ -253,6 +281,7 @@ fn arrange<const N: usize>(
     Ok(match kind {
         Kind::Bvh(packing) => Store::Bvh(Bvh::build(records, radius, packing, progress)?),
         Kind::Pkd(options) => Store::Pkd(Pkd::build(records, radius, options, progress)?),
+        Kind::Treelets(options) => Store::Treelets(Treelets::build(records, radius, options, progress)?),
         Kind::Brute => Store::Brute(Brute::build(&records, radius)),
     })
 }
@@ -278,6 +307,14 @@ impl Brute {
             Hit::keep_nearer(&mut best, t, node, &self.ids);
         }
         best
+    }
+
+    fn search<O: Observer>(&self, mut search: Search<O>) -> Option<Hit> {
+        search.visit(1, self.spheres.len() as u64);
+        for (node, &(center, radius)) in (0..).zip(&self.spheres) {
+            search.try_one(center, radius, node, &self.ids);
+        }
+        search.found()
     }
 
     fn occluded(&self, ray: &Ray, except: Option<u32>) -> bool {

@@ -2,32 +2,21 @@
 //!
 //! Samples and light directions repeat from tile to tile, so that all of it is worked out once a pass.
 
+use std::sync::Mutex;
+
 use fearless_simd::{f32x16, prelude::*};
 use fearless_simd_macros::simd;
 
 use super::FILM_EDGE;
+use super::hits::{PACKET_EDGE, corner_of};
 use super::tiles::{BLOCKS, EDGE, RAYS, Tile, block_at};
-use crate::render::sampling::{Dimension, point};
+use crate::render::certified::{Counts, Options};
+use crate::render::sampling::{Nearness, PATTERN, Samples};
 use crate::render::shade::{LightSample, light_sample};
 use crate::scene::Scene;
 use crate::scene::camera::View;
 use crate::scene::light::Lighting;
 use crate::simd::Lanes3;
-
-/// Pixels along the edge of the pattern in which samples repeat.
-pub(super) const PATTERN: usize = 8;
-
-/// Which samples of a picture a pass adds.
-#[derive(Clone, Copy)]
-pub(crate) struct Samples {
-    pub(crate) seed: u32,
-    /// The first one's number.
-    pub(crate) first: u32,
-    /// 16, 4 or 1 a pixel.
-    pub(crate) count: u32,
-    /// Whether they lie in the middle of their pixel.
-    pub(crate) centered: bool,
-}
 
 /// See the module.
 pub(crate) struct Pass<'a> {
@@ -41,24 +30,31 @@ pub(crate) struct Pass<'a> {
     /// Where the rays pass through the picture, in pixels from the tile's corner, by the block's place in the tile.
     x: Vec<[f32; RAYS]>,
     y: Vec<[f32; RAYS]>,
-    /// By lane of a block: which sample it is, and how far its pixel lies in a film tile behind the block's first.
-    pub(super) sample: [usize; RAYS],
+    /// The same by packet of the tile, and by sample in each packet; see `hits`.
+    packet_x: Vec<[f32; RAYS]>,
+    packet_y: Vec<[f32; RAYS]>,
+    /// Which proofs of being hidden are sought.
+    pub(super) certified: Options,
+    /// By lane of a block: how far its pixel lies in a film tile behind the block's first.
     pub(super) pixel: [usize; RAYS],
-    /// Whether the film has no samples yet.
-    pub(super) is_first: bool,
+    pub(super) seed: u32,
+    /// The number of the pass's first sample.
+    pub(super) first: u32,
     /// By the block's place: the lanes that are nearer the centers of their pixels than all samples before.
     pub(super) nearest: Vec<Vec<usize>>,
     /// Light directions by sample, the same for all pixels.
     pub(super) lights: Vec<LightSample>,
+    counts: Mutex<Counts>,
 }
 
 impl<'a> Pass<'a> {
-    /// A pass over `scene` seen by `view`. `nearest_sq` tells and learns how near samples came to the centers of their pixels.
+    /// A pass over `scene` seen by `view`. `nearness` tells and learns how near samples came to the centers of their pixels.
     pub(super) fn new(
         scene: &'a Scene,
         view: View,
         added: Samples,
-        nearest_sq: &mut [f32; PATTERN * PATTERN],
+        certified: Options,
+        nearness: &mut Nearness,
     ) -> Self {
         let samples = added.count as usize;
         let block_px = match samples {
@@ -67,30 +63,26 @@ impl<'a> Pass<'a> {
             _ => 1,
         };
         let (mut x, mut y) = (vec![[0.0; RAYS]; BLOCKS], vec![[0.0; RAYS]; BLOCKS]);
-        let before_sq = *nearest_sq;
+        let (mut packet_x, mut packet_y) = (x.clone(), y.clone());
+        let chosen = nearness.add(&added);
         let mut nearest = vec![Vec::new(); BLOCKS];
         for block in 0..BLOCKS {
-            let mut nearest_lanes = [None; RAYS];
             for lane in 0..RAYS {
-                let (pixel, sample) = (lane / samples, lane % samples);
+                let (pixel, sample) = (lane / samples, (lane % samples) as u32);
                 let column = block % EDGE * block_px + pixel % block_px;
                 let row = block / EDGE * block_px + pixel / block_px;
                 let place = row % PATTERN * PATTERN + column % PATTERN;
-                let offset = if added.centered {
-                    [0.5; 2]
-                } else {
-                    point(added.seed, Dimension::Pixel, 1 + place as u32, added.first + sample as u32)
-                };
+                let offset = added.offset(place, sample);
                 (x[block][lane], y[block][lane]) = (column as f32 + offset[0], row as f32 + offset[1]);
-                let center_sq = (offset[0] - 0.5).powi(2) + (offset[1] - 0.5).powi(2);
-                if center_sq < before_sq[place] && nearest_lanes[pixel].is_none_or(|(_, sq)| center_sq < sq) {
-                    nearest_lanes[pixel] = Some((lane, center_sq));
+                let packet = row / PACKET_EDGE * (EDGE * block_px / PACKET_EDGE) + column / PACKET_EDGE;
+                let inside = row % PACKET_EDGE * PACKET_EDGE + column % PACKET_EDGE;
+                let at = packet * samples + lane % samples;
+                (packet_x[at][inside], packet_y[at][inside]) = (x[block][lane], y[block][lane]);
+                if chosen[place] == Some(sample) {
+                    nearest[block].push(lane);
                 }
-                nearest_sq[place] = nearest_sq[place].min(center_sq);
             }
-            nearest[block] = nearest_lanes.into_iter().flatten().map(|(lane, _)| lane).collect();
         }
-        let sample = std::array::from_fn(|lane| lane % samples);
         let pixel = std::array::from_fn(|lane| {
             let pixel = lane / samples;
             pixel / block_px * FILM_EDGE + pixel % block_px
@@ -102,7 +94,8 @@ impl<'a> Pass<'a> {
             _ => Vec::new(),
         };
         Self {
-            is_first: added.first == 0,
+            seed: added.seed,
+            first: added.first,
             scene,
             view,
             samples,
@@ -110,11 +103,24 @@ impl<'a> Pass<'a> {
             block_px,
             x,
             y,
-            sample,
+            packet_x,
+            packet_y,
+            certified,
             pixel,
             nearest,
             lights,
+            counts: Mutex::default(),
         }
+    }
+
+    /// Adds what was counted in a film tile.
+    pub(super) fn count(&self, counts: Counts) {
+        *self.counts.lock().expect("no panic while it is held") += counts;
+    }
+
+    /// What was counted so far.
+    pub(crate) fn counts(&self) -> Counts {
+        *self.counts.lock().expect("no panic while it is held")
     }
 
     /// Pixels along the edge of a tile.
@@ -122,26 +128,50 @@ impl<'a> Pass<'a> {
         EDGE * self.block_px
     }
 
-    /// Sets the rays of the tile whose upper left corner is pixel `corner`: [`View::ray`] on lanes.
+    /// Sets the rays of the tile whose upper left corner is pixel `corner`.
     #[simd]
     pub(super) fn set_rays<S: Simd>(&self, simd: S, corner: (usize, usize), tile: &mut Tile) {
-        let view = &self.view;
         for block in 0..BLOCKS {
             let x = f32x16::load_array_ref(simd, &self.x[block]) + corner.0 as f32;
             let y = f32x16::load_array_ref(simd, &self.y[block]) + corner.1 as f32;
-            let u = x * view.pixel + view.left;
-            let v = f32x16::splat(simd, view.top) - y * view.pixel;
-            let across = Lanes3 {
-                x: u * view.right.x + v * view.up.x,
-                y: u * view.right.y + v * view.up.y,
-                z: u * view.right.z + v * view.up.z,
-            };
-            let base = if view.perspective { view.forward } else { view.eye };
-            let mut varying = across.plus(Lanes3::splat(simd, base));
-            if view.perspective {
-                varying = varying.times(f32x16::splat(simd, 1.0) / varying.dot(varying).sqrt());
-            }
-            varying.store(&mut tile.varying[block_at(block % EDGE, block / EDGE)]);
+            varying(simd, &self.view, x, y).store(&mut tile.varying[block_at(block % EDGE, block / EDGE)]);
         }
     }
+
+    /// The rays of sample `sample` through a packet of the film tile whose upper left corner is pixel `corner`.
+    #[inline(always)]
+    pub(super) fn packet_rays<S: Simd>(
+        &self,
+        simd: S,
+        corner: (usize, usize),
+        packet: usize,
+        sample: usize,
+    ) -> Lanes3<f32x16<S>> {
+        let [x, y] = corner_of(packet);
+        let edge = self.tile_px();
+        let inside = y % edge / PACKET_EDGE * (edge / PACKET_EDGE) + x % edge / PACKET_EDGE;
+        let at = inside * self.samples + sample;
+        let tile = ((corner.0 + x - x % edge) as f32, (corner.1 + y - y % edge) as f32);
+        let x = f32x16::load_array_ref(simd, &self.packet_x[at]) + tile.0;
+        let y = f32x16::load_array_ref(simd, &self.packet_y[at]) + tile.1;
+        varying(simd, &self.view, x, y)
+    }
+}
+
+/// Origins (orthographic) or directions (perspective) of rays through the picture at (x, y) pixels: [`View::ray`] on lanes.
+#[inline(always)]
+fn varying<S: Simd>(simd: S, view: &View, x: f32x16<S>, y: f32x16<S>) -> Lanes3<f32x16<S>> {
+    let u = x * view.pixel + view.left;
+    let v = f32x16::splat(simd, view.top) - y * view.pixel;
+    let across = Lanes3 {
+        x: u * view.right.x + v * view.up.x,
+        y: u * view.right.y + v * view.up.y,
+        z: u * view.right.z + v * view.up.z,
+    };
+    let base = if view.perspective { view.forward } else { view.eye };
+    let varying = across.plus(Lanes3::splat(simd, base));
+    if view.perspective {
+        return varying.times(f32x16::splat(simd, 1.0) / varying.dot(varying).sqrt());
+    }
+    varying
 }

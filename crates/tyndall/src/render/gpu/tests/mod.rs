@@ -1,0 +1,4 @@
+//! What the shaders are made of: valid kernels, records, formulas. Whole pictures stand in `crate::tests::twins`.
+
+mod formulas;
+mod validation;
