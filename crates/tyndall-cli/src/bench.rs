@@ -31,6 +31,9 @@ use crate::structure;
 use crate::{bench_culling, bench_medium};
 use table::{Cell, Table};
 
+/// What is measured if nothing is said.
+pub(crate) const SETS: [&str; 3] = ["packed", "uniform", "clustered"];
+
 const PICTURES: [&str; 13] = [
     "set",
     "particles",
@@ -69,12 +72,17 @@ pub(crate) fn run(args: &args::Bench, report: &Report) -> Outcome<()> {
         args::BenchWhat::Structures => return structures::run(args, report),
         args::BenchWhat::Medium => return bench_medium::run(report),
         args::BenchWhat::Culling => return bench_culling::run(args, report),
+        #[cfg(feature = "gpu")]
+        args::BenchWhat::Gpu => return crate::bench_gpu::run(args, report),
+        #[cfg(not(feature = "gpu"))]
+        args::BenchWhat::Gpu => {
+            let why = "this build knows no GPU — build it with --features gpu";
+            return Err(tyndall::Error::Device(why.into()).into());
+        }
     }
     let mut bench = Bench::new(args, report)?;
-    for &count in &args.n {
-        for set in sets_of(args) {
-            bench.measure(set, count)?;
-        }
+    for (set, count) in jobs(args) {
+        bench.measure(set, count)?;
     }
     if args.json {
         let tables = json!({ "pictures": bench.pictures.json(), "rays": bench.rays.json() });
@@ -87,6 +95,14 @@ pub(crate) fn run(args: &args::Bench, report: &Report) -> Outcome<()> {
     }
 }
 
+/// The sets and counts that are asked for, all sets of one count together.
+fn jobs(args: &args::Bench) -> impl Iterator<Item = (&str, u64)> {
+    let counts = if args.n.is_empty() { vec![1_000_000] } else { args.n.clone() };
+    let sets =
+        if args.sets.is_empty() { SETS.to_vec() } else { args.sets.iter().map(String::as_str).collect() };
+    counts.into_iter().flat_map(move |count| sets.clone().into_iter().map(move |set| (set, count)))
+}
+
 /// What is measured with, and what was found.
 struct Bench<'a> {
     args: &'a args::Bench,
@@ -94,12 +110,6 @@ struct Bench<'a> {
     kind: Kind,
     pictures: Table,
     rays: Table,
-}
-
-/// The sets that are asked for, by default the plain ones.
-fn sets_of(args: &args::Bench) -> Vec<&str> {
-    let plain = vec!["packed", "uniform", "clustered"];
-    args.sets.as_ref().map_or(plain, |sets| sets.iter().map(String::as_str).collect())
 }
 
 /// Which set at which count is seen by which camera.
@@ -128,7 +138,7 @@ impl<'a> Bench<'a> {
         let colors = ParticleColors::constant([0.7; 3]);
         let mut scene = Scene::new(structure, colors, Lighting::Headlight, Some([1.0; 3]));
         for (name, projection) in PROJECTIONS {
-            let camera = camera(projection);
+            let camera = camera_of_cube(projection);
             let view =
                 camera.view(scene.structure().origin(), self.args.size.width, self.args.size.height)?;
             let studio = Lighting::studio(view.forward, view.right, view.up);
@@ -167,7 +177,11 @@ impl<'a> Bench<'a> {
         let (width, height) = (self.args.size.width, self.args.size.height);
         let mut sets: Vec<Vec<Ray>> = Vec::new();
         for (_, projection) in PROJECTIONS {
-            sets.push(rays::coherent(&camera(projection).view(bvh.origin(), width, height)?, width, height));
+            sets.push(rays::coherent(
+                &camera_of_cube(projection).view(bvh.origin(), width, height)?,
+                width,
+                height,
+            ));
         }
         let cube = Bounds { min: Vec3::ZERO, max: Vec3::ONE };
         sets.push(rays::incoherent(&cube.moved(-bvh.origin().as_vec3())));
@@ -226,13 +240,13 @@ impl<'a> Bench<'a> {
     }
 }
 
-const PROJECTIONS: [(&str, Projection); 2] = [
+pub(crate) const PROJECTIONS: [(&str, Projection); 2] = [
     ("orthographic", Projection::Orthographic { height: 1.8 }),
     ("perspective", Projection::Perspective { vertical_angle: std::f64::consts::PI / 6.0 }),
 ];
 
 /// Of the unit cube.
-fn camera(projection: Projection) -> Camera {
+pub(crate) fn camera_of_cube(projection: Projection) -> Camera {
     camera_of(projection, DVec3::splat(0.5), 1.0)
 }
 

@@ -113,7 +113,9 @@ pub(crate) fn run(args: &args::Bench, report: &Report) -> Outcome<()> {
 
 /// The sets that are asked for.
 fn chosen(args: &args::Bench) -> Outcome<Vec<&'static Set>> {
-    let Some(names) = &args.sets else { return Ok(SETS.iter().collect()) };
+    if args.sets.is_empty() {
+        return Ok(SETS.iter().collect());
+    }
     let find = |name: &String| {
         let found = SETS.iter().find(|set| set.name == name);
         found.ok_or_else(|| {
@@ -121,7 +123,7 @@ fn chosen(args: &args::Bench) -> Outcome<Vec<&'static Set>> {
             Failure::from(Error::setting("--sets", name, allowed))
         })
     };
-    names.iter().map(find).collect()
+    args.sets.iter().map(find).collect()
 }
 
 /// Everything about one set.

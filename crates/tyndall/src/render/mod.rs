@@ -7,6 +7,8 @@ pub mod certified;
 pub mod confidence;
 pub mod cpu;
 pub mod estimate;
+#[cfg(feature = "gpu")]
+pub mod gpu;
 pub mod medium;
 mod sampling;
 mod shade;
@@ -17,6 +19,7 @@ use crate::progress::Progress;
 use crate::scene::Scene;
 use crate::scene::camera::{Camera, View};
 use cpu::Film;
+use sampling::Samples;
 
 /// The knobs of a picture.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -66,6 +69,23 @@ impl Default for Settings {
     }
 }
 
+impl Settings {
+    /// Fails with [`Error::Setting`] if a knob is out of range.
+    fn check(&self) -> Result<()> {
+        let Self { width, height, samples, .. } = *self;
+        if !(1..=65536).contains(&width) || !(1..=65536).contains(&height) {
+            return Err(Error::setting("size", format!("{width}x{height}"), "1x1 to 65536x65536 pixels"));
+        }
+        if samples == 0 {
+            return Err(Error::setting("samples", samples, "at least 1 a pixel"));
+        }
+        match &self.culling {
+            Culling::Off | Culling::Certified(_) => Ok(()),
+            Culling::Confidence(options) => options.check(),
+        }
+    }
+}
+
 /// Renders one picture, pass by pass.
 pub struct Renderer<'a> {
     scene: &'a Scene,
@@ -81,13 +101,8 @@ pub struct Renderer<'a> {
 impl<'a> Renderer<'a> {
     /// A picture without samples yet. Fails with [`Error::Setting`] if a knob or the camera is out of range.
     pub fn new(scene: &'a Scene, camera: &Camera, settings: &Settings) -> Result<Self> {
-        let Settings { width, height, samples, .. } = *settings;
-        if !(1..=65536).contains(&width) || !(1..=65536).contains(&height) {
-            return Err(Error::setting("size", format!("{width}x{height}"), "1x1 to 65536x65536 pixels"));
-        }
-        if samples == 0 {
-            return Err(Error::setting("samples", samples, "at least 1 a pixel"));
-        }
+        settings.check()?;
+        let Settings { width, height, .. } = *settings;
         let view = camera.view(scene.structure().origin(), width, height)?;
         let film = Film::new(width, height);
         let culling = match settings.culling {
@@ -128,25 +143,13 @@ impl<'a> Renderer<'a> {
 
     /// The next samples of every pixel, if any are missing; they count as done.
     fn next_pass(&mut self) -> Option<cpu::Pass<'a>> {
-        let left = self.settings.samples - self.samples_done;
-        let at_once = match self.settings.culling {
-            Culling::Off | Culling::Certified(_) => left,
-            Culling::Confidence(options) => left.min(options.frame_samples),
-        };
-        let count = match at_once {
-            0 => return None,
-            1..4 => 1,
-            4..16 => 4,
-            _ => 16,
-        };
-        let added = cpu::Samples {
-            seed: self.settings.seed,
-            first: self.samples_done,
-            count,
-            centered: self.settings.samples == 1,
-        };
-        self.samples_done += count;
-        Some(self.film.pass(self.scene, self.view, added, self.settings.culling.certified()))
+        let Settings { samples, seed, culling, .. } = self.settings;
+        let mut added = Samples::after(self.samples_done, samples, seed)?;
+        if let Culling::Confidence(options) = culling {
+            added.count = added.count.min(options.frame_samples);
+        }
+        self.samples_done += added.count;
+        Some(self.film.pass(self.scene, self.view, added, culling.certified()))
     }
 
     fn add(&mut self, passes: &[cpu::Pass], progress: &dyn Progress) -> Result<()> {

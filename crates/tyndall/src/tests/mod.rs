@@ -3,5 +3,5 @@
 mod certified;
 mod culling;
 mod oracle;
-mod scenes;
+pub(crate) mod scenes;
 mod visibility;
