@@ -8,6 +8,8 @@ pub mod confidence;
 pub mod cpu;
 pub mod estimate;
 pub mod medium;
+pub mod normals;
+mod samples;
 mod sampling;
 mod shade;
 
@@ -17,6 +19,7 @@ use crate::progress::Progress;
 use crate::scene::Scene;
 use crate::scene::camera::{Camera, View};
 use cpu::Film;
+pub use samples::SampleBuffer;
 
 /// The knobs of a picture.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -73,6 +76,8 @@ pub struct Renderer<'a> {
     settings: Settings,
     film: Film,
     samples_done: u32,
+    /// Those since the start.
+    passes: Vec<cpu::Samples>,
     counts: certified::Counts,
     level: fearless_simd::Level,
 }
@@ -94,7 +99,16 @@ impl<'a> Renderer<'a> {
         let view = camera.view(scene.structure().origin(), width, height)?;
         let film = Film::new(width, height);
         let level = fearless_simd::Level::new();
-        Ok(Self { scene, view, settings: *settings, film, samples_done: 0, counts: certified::Counts::default(), level })
+        Ok(Self {
+            scene,
+            view,
+            settings: *settings,
+            film,
+            samples_done: 0,
+            passes: Vec::new(),
+            counts: certified::Counts::default(),
+            level,
+        })
     }
 
     /// Uses narrower SIMD than the machine has.
@@ -138,6 +152,7 @@ impl<'a> Renderer<'a> {
             centered: self.settings.samples == 1,
         };
         self.samples_done += count;
+        self.passes.push(added);
         Some(self.film.pass(self.scene, self.view, added, self.settings.culling.certified()))
     }
 
@@ -159,6 +174,7 @@ impl<'a> Renderer<'a> {
         let Settings { width, height, .. } = self.settings;
         self.view = camera.view(self.scene.structure().origin(), width, height)?;
         self.samples_done = 0;
+        self.passes.clear();
         Ok(())
     }
 

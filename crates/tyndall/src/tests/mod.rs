@@ -2,5 +2,6 @@
 
 mod certified;
 mod oracle;
+mod relight;
 mod scenes;
 mod visibility;

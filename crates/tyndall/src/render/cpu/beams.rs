@@ -283,12 +283,7 @@ impl Discs {
 
 /// Which of the points a sphere shadows, by the formula of a ray.
 #[simd]
-fn exact<S: Simd>(
-    simd: S,
-    (center, radius): (Vec3, f32),
-    toward: Vec3,
-    position: &[[f32; RAYS]; 3],
-) -> u16 {
+fn exact<S: Simd>(simd: S, (center, radius): (Vec3, f32), toward: Vec3, position: &[[f32; RAYS]; 3]) -> u16 {
     let to_center = Lanes3::splat(simd, center).minus(Lanes3::load(simd, position));
     let radius_sq = f32x16::splat(simd, radius * radius);
     let (t, meets) = enter_sphere(simd, to_center, Lanes3::splat(simd, toward), radius_sq);

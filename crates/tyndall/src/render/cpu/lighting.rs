@@ -105,8 +105,7 @@ pub(super) fn gather<S: Simd>(
             scratch.sorted.sort(layer, &scratch.at, &scratch.lanes, &spans);
             let sorted = &mut scratch.sorted;
             for packet in 0..sorted.count.div_ceil(RAYS) {
-                let points =
-                    shadows::Points { position: &sorted.position[packet], on: &sorted.on[packet] };
+                let points = shadows::Points { position: &sorted.position[packet], on: &sorted.on[packet] };
                 let all = u32::from(sorted.lanes[packet]);
                 let lit = shadows::unoccluded(simd, bvh, toward, &points, all, &mut scratch.shadow_stack);
                 sorted.lanes[packet] = lit as u16;
@@ -120,8 +119,7 @@ pub(super) fn gather<S: Simd>(
     for packet in 0..PACKETS {
         if scratch.lanes[packet] != 0 {
             let lit = mask32x16::from_bitmask(simd, u64::from(scratch.lanes[packet]));
-            let light =
-                f32x16::load_array_ref(simd, &scratch.cosine[packet]) * f32x16::splat(simd, radiance);
+            let light = f32x16::load_array_ref(simd, &scratch.cosine[packet]) * f32x16::splat(simd, radiance);
             let brightness = &mut layer.brightness[packet];
             (f32x16::load_array_ref(simd, brightness) + lit.select(light, zero)).store_array(brightness);
         }

@@ -80,7 +80,11 @@ impl Light {
 
     /// Coordinates of points measured from the origin.
     #[inline(always)]
-    pub(super) fn project<S: Simd, V: SimdFloat<S, Element = f32>>(&self, simd: S, center: Lanes3<V>) -> Lanes3<V> {
+    pub(super) fn project<S: Simd, V: SimdFloat<S, Element = f32>>(
+        &self,
+        simd: S,
+        center: Lanes3<V>,
+    ) -> Lanes3<V> {
         Lanes3 {
             x: center.along(simd, self.across[0]),
             y: center.along(simd, self.across[1]),
@@ -90,7 +94,11 @@ impl Light {
 
     /// How far things reach along each coordinate.
     #[inline(always)]
-    pub(super) fn reach<S: Simd, V: SimdFloat<S, Element = f32>>(&self, simd: S, thing: impl Reach<S, V>) -> Lanes3<V> {
+    pub(super) fn reach<S: Simd, V: SimdFloat<S, Element = f32>>(
+        &self,
+        simd: S,
+        thing: impl Reach<S, V>,
+    ) -> Lanes3<V> {
         Lanes3 {
             x: thing.reach(simd, self.across[0]),
             y: thing.reach(simd, self.across[1]),

@@ -22,7 +22,7 @@ pub(super) const BLOCKS: usize = EDGE * EDGE;
 pub(super) const RAYS: usize = 16;
 
 /// A quarter of a tile has its own deepest ray, so that a see-through corner keeps only itself open.
-const QUADS: usize = 4;
+pub(super) const QUADS: usize = 4;
 const QUAD_BLOCKS: usize = BLOCKS / QUADS;
 
 /// Where block (x, y) is stored: the blocks of a quad lie side by side.
@@ -381,7 +381,12 @@ fn push_children<S: Simd>(
             let child = behind.trailing_zeros() as usize;
             behind &= behind - 1;
             let place = bvh.child(place, child);
-            memory.behind.push(Entry { near: near[child], place, touched: of_child(&touched, child), open: 0 });
+            memory.behind.push(Entry {
+                near: near[child],
+                place,
+                touched: of_child(&touched, child),
+                open: 0,
+            });
         }
     }
     let first = stack.len();
