@@ -8,8 +8,9 @@ use crate::render::{Culling, Renderer, Settings};
 use crate::scene::Scene;
 use crate::scene::automatic;
 use crate::scene::camera::{Camera, Projection};
+use crate::scene::color::ParticleColors;
 use crate::scene::light::Lighting;
-use crate::structure::{Kind, Packing, pkd};
+use crate::structure::{Kind, Packing, Structure, pkd};
 use crate::synthetic;
 use fearless_simd::Level;
 use glam::{DVec3, Vec3};
@@ -100,7 +101,8 @@ fn no_sample_differs_on_the_synthetic_sets() {
             let view = camera.view(particles.positions().origin(), 50, 36).unwrap();
             let lighting = Lighting::studio(view.forward, view.right, view.up);
             let kind = KINDS[[0, 2, 1][at]];
-            let scene = scene(&particles, &radii, kind, lighting);
+            let structure = Structure::build(kind, particles.clone(), &radii, 1.0, &()).unwrap();
+            let scene = Scene::new(structure, ParticleColors::constant([0.6; 3]), lighting, None);
             let met = compare(&scene, &camera, &settings, &format!("{set}, view {at}, {kind:?}"));
             assert!(met > 100, "{set}, view {at}: {met} pixels met something");
         }
