@@ -10,6 +10,7 @@ use tyndall::scene::colormap::Colormap;
 use tyndall::scene::viewpoint::Side;
 
 use crate::culling::CullingArgs;
+use crate::device::Choice;
 use crate::medium::args::Medium;
 use crate::values::{Background, Degrees, Ortho, Size, Slice, count, length, point};
 
@@ -37,8 +38,10 @@ pub(crate) enum Verb {
     Render(Box<Render>),
     /// Says what is in a file
     Info(Info),
+    /// Lists what can render: the processor and the graphics cards
+    Devices(Devices),
     /// Measures building and rendering on synthetic particles
-    Bench(Bench),
+    Bench(Box<Bench>),
     /// Prints a script that completes commands in a shell
     Completions {
         /// The shell
@@ -264,6 +267,9 @@ pub(crate) struct Method {
     pub(crate) mode: Mode,
     #[command(flatten)]
     pub(crate) structure: StructureArgs,
+    /// What renders: auto takes a graphics card if there is one and the particles fit, cpu, gpu, gpu:NAME (see `tyndall devices`)
+    #[arg(long, value_name = "DEVICE", default_value = "auto")]
+    pub(crate) device: Choice,
     /// Memory that may be used, such as 500M or 16G, instead of all that is free; what does not fit is read in parts where its
     /// format allows that
     #[arg(long, value_name = "BYTES", value_parser = crate::values::bytes)]
@@ -284,10 +290,16 @@ pub(crate) struct StructureArgs {
     /// Bits of a coordinate in a leaf of bvh, less memory for small errors that are measured and told: exact 16 11 8
     #[arg(long, value_name = "BITS", default_value = "exact")]
     pub(crate) pack: Pack,
-    /// How pkd chooses the axis of a node
+    /// Particles in a treelet, at most: 16 to 4096
+    #[arg(long, value_name = "COUNT", default_value = "64", value_parser = clap::value_parser!(u32).range(16..=4096))]
+    pub(crate) treelet_size: u32,
+    /// Where particles are cut in two until they are treelets: at their median, or in the middle of the space they take
+    #[arg(long, value_name = "CUT", default_value = "median")]
+    pub(crate) treelet_cut: TreeletCut,
+    /// How pkd and treelets choose the axis of a node
     #[arg(long, value_name = "AXIS", default_value = "widest")]
     pub(crate) pkd_axis: PkdAxis,
-    /// When pkd tests a node's own particle: before its children, or after the near one
+    /// When pkd and treelets test a node's own particle: before its children, or after the near one
     #[arg(long, value_name = "ORDER", default_value = "node")]
     pub(crate) pkd_order: PkdOrder,
 }
@@ -323,8 +335,18 @@ pub(crate) enum StructureName {
     Bvh,
     /// A balanced k-d tree in place
     Pkd,
+    /// Wide nodes over small k-d trees in place
+    Treelets,
     /// Tries every particle: slow, for comparison
     Brute,
+}
+
+#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum TreeletCut {
+    /// Half of the particles on each side: treelets are full
+    Median,
+    /// Half of the space on each side: treelets are of any size
+    Middle,
 }
 
 #[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -358,15 +380,21 @@ pub(crate) struct Info {
 }
 
 #[derive(Args)]
+pub(crate) struct Devices {
+    #[command(flatten)]
+    pub(crate) common: Common,
+}
+
+#[derive(Args)]
 pub(crate) struct Bench {
     /// What to measure
     #[arg(default_value = "spheres")]
     pub(crate) what: BenchWhat,
-    /// Particle counts
-    #[arg(long, value_name = "COUNTS", value_delimiter = ',', default_value = "1e6", value_parser = count)]
+    /// Particle counts [default: 1e6; of gpu 1e6,1e7,1e8]
+    #[arg(long, value_name = "COUNTS", value_delimiter = ',', value_parser = count)]
     pub(crate) n: Vec<u64>,
-    /// Sets of particles
-    #[arg(long, value_name = "NAMES", value_delimiter = ',', default_value = "packed,uniform,clustered")]
+    /// Sets of particles [default: packed,uniform,clustered; of gpu also nozzle,virion,fluid,ablation at their own counts]
+    #[arg(long, value_name = "NAMES", value_delimiter = ',')]
     pub(crate) sets: Vec<String>,
     /// Pixels across and down; other than the default compares with nothing
     #[arg(long, value_name = "WxH", default_value = "800x800")]
@@ -374,6 +402,18 @@ pub(crate) struct Bench {
     /// Prints one JSON object
     #[arg(long)]
     pub(crate) json: bool,
+    /// Of gpu: the card, gpu or gpu:NAME
+    #[arg(long, value_name = "DEVICE", default_value = "auto")]
+    pub(crate) device: Choice,
+    /// Of gpu: begins no set after so many seconds
+    #[arg(long, value_name = "SECONDS", value_parser = clap::value_parser!(u64).range(1..))]
+    pub(crate) time: Option<u64>,
+    /// Of gpu: a file that has all figures so far, after each set
+    #[arg(long, value_name = "FILE")]
+    pub(crate) figures: Option<PathBuf>,
+    /// Of gpu: compares layouts of the kernel too
+    #[arg(long)]
+    pub(crate) variants: bool,
     #[command(flatten)]
     pub(crate) structure: StructureArgs,
     #[command(flatten)]
@@ -384,6 +424,10 @@ pub(crate) struct Bench {
 pub(crate) enum BenchWhat {
     /// Primary visibility and the default look at 800x800
     Spheres,
+    /// Memory, building and single rays of every structure, treelets of five sizes and both cuts
+    Structures,
     /// Density, light and march, as in the tables of Cha, Son and Ihm 2009
     Medium,
+    /// Spheres on a graphics card
+    Gpu,
 }

@@ -3,16 +3,18 @@
 //! 800x800 pixels; the unit cube seen from an oblique direction, z up; orthographic of height 1.8, and perspective of 30 degrees
 //! from 3.5. One sample: median of 5. Sixteen: median of 3. All samples count, also those that meet nothing. Pictures are made
 //! again and again in the same memory, as a viewer makes them; one before those that count. `AO` is one ray a sample to the sky, the
-//! default look has one to the key light as well. Single rays are asked of `bvh` and of `pkd` over the same particles.
+//! default look has one to the key light as well. Single rays are asked of `bvh` and of `pkd` over the same particles; `structures`
+//! asks all.
 
-mod rays;
-mod table;
+pub(crate) mod rays;
+mod structures;
+pub(crate) mod table;
 
 use std::time::Instant;
 
 use glam::DVec3;
 use serde_json::json;
-use tyndall::math::Ray;
+use tyndall::math::{Bounds, Ray};
 use tyndall::render::estimate::Work;
 use tyndall::render::{Renderer, Settings};
 use tyndall::scene::camera::{Camera, Projection};
@@ -20,7 +22,7 @@ use tyndall::scene::color::ParticleColors;
 use tyndall::scene::light::{KeyLight, Lighting};
 use tyndall::scene::{Scene, automatic};
 use tyndall::structure::{Kind, Structure, pkd};
-use tyndall::{Image, synthetic};
+use tyndall::{Image, Vec3, synthetic};
 
 use crate::args;
 use crate::bench_medium;
@@ -28,6 +30,9 @@ use crate::dry_run::check_memory;
 use crate::report::{Outcome, Report};
 use crate::structure;
 use table::{Cell, Table};
+
+/// What is measured if nothing is said.
+pub(crate) const SETS: [&str; 3] = ["packed", "uniform", "clustered"];
 
 const PICTURES: [&str; 13] = [
     "set",
@@ -58,22 +63,25 @@ const RAYS: [&str; 9] = [
 
 /// Measures every set at every count.
 pub(crate) fn run(args: &args::Bench, report: &Report) -> Outcome<()> {
-    if args.what == args::BenchWhat::Medium {
-        return bench_medium::run(report);
+    if !matches!(args.what, args::BenchWhat::Medium | args::BenchWhat::Gpu) {
+        let threads = rayon::current_num_threads();
+        report.note(format_args!("tyndall {}, {threads} threads", env!("CARGO_PKG_VERSION")));
     }
-    let threads = rayon::current_num_threads();
-    report.note(format_args!("tyndall {}, {threads} threads", env!("CARGO_PKG_VERSION")));
-    let mut bench = Bench {
-        args,
-        report,
-        kind: structure::kind(&args.structure)?,
-        pictures: Table::new(&PICTURES),
-        rays: Table::new(&RAYS),
-    };
-    for &count in &args.n {
-        for set in &args.sets {
-            bench.measure(set, count)?;
+    match args.what {
+        args::BenchWhat::Spheres => {}
+        args::BenchWhat::Structures => return structures::run(args, report),
+        args::BenchWhat::Medium => return bench_medium::run(report),
+        #[cfg(feature = "gpu")]
+        args::BenchWhat::Gpu => return crate::bench_gpu::run(args, report),
+        #[cfg(not(feature = "gpu"))]
+        args::BenchWhat::Gpu => {
+            let why = "this build knows no GPU — build it with --features gpu";
+            return Err(tyndall::Error::Device(why.into()).into());
         }
+    }
+    let mut bench = Bench::new(args, report)?;
+    for (set, count) in jobs(args) {
+        bench.measure(set, count)?;
     }
     if args.json {
         let tables = json!({ "pictures": bench.pictures.json(), "rays": bench.rays.json() });
@@ -84,6 +92,14 @@ pub(crate) fn run(args: &args::Bench, report: &Report) -> Outcome<()> {
         true => Ok(()),
         false => report.out(&format!("\n{}", bench.rays.markdown())),
     }
+}
+
+/// The sets and counts that are asked for, all sets of one count together.
+fn jobs(args: &args::Bench) -> impl Iterator<Item = (&str, u64)> {
+    let counts = if args.n.is_empty() { vec![1_000_000] } else { args.n.clone() };
+    let sets =
+        if args.sets.is_empty() { SETS.to_vec() } else { args.sets.iter().map(String::as_str).collect() };
+    counts.into_iter().flat_map(move |count| sets.clone().into_iter().map(move |set| (set, count)))
 }
 
 /// What is measured with, and what was found.
@@ -102,7 +118,13 @@ fn names(set: &str, count: usize, camera: &str) -> Names {
     [Cell::Word(set.into()), Cell::Count(count), Cell::Word(camera.into())]
 }
 
-impl Bench<'_> {
+impl<'a> Bench<'a> {
+    /// Without rows yet.
+    fn new(args: &'a args::Bench, report: &'a Report) -> Outcome<Self> {
+        let kind = structure::kind(&args.structure)?;
+        Ok(Self { args, report, kind, pictures: Table::new(&PICTURES), rays: Table::new(&RAYS) })
+    }
+
     /// Builds once and renders with each camera and light; then single rays.
     fn measure(&mut self, set: &str, count: u64) -> Outcome<()> {
         let work = Work::of_count(count, self.kind, self.settings(1));
@@ -115,7 +137,7 @@ impl Bench<'_> {
         let colors = ParticleColors::constant([0.7; 3]);
         let mut scene = Scene::new(structure, colors, Lighting::Headlight, Some([1.0; 3]));
         for (name, projection) in PROJECTIONS {
-            let camera = camera(projection);
+            let camera = camera_of_cube(projection);
             let view =
                 camera.view(scene.structure().origin(), self.args.size.width, self.args.size.height)?;
             let studio = Lighting::studio(view.forward, view.right, view.up);
@@ -145,7 +167,7 @@ impl Bench<'_> {
         }
         match self.kind {
             Kind::Bvh(_) => self.measure_rays(set, scene.into_structure()),
-            Kind::Pkd(_) | Kind::Brute => Ok(()),
+            Kind::Pkd(_) | Kind::Treelets(_) | Kind::Brute => Ok(()),
         }
     }
 
@@ -154,9 +176,14 @@ impl Bench<'_> {
         let (width, height) = (self.args.size.width, self.args.size.height);
         let mut sets: Vec<Vec<Ray>> = Vec::new();
         for (_, projection) in PROJECTIONS {
-            sets.push(rays::coherent(&camera(projection).view(bvh.origin(), width, height)?, width, height));
+            sets.push(rays::coherent(
+                &camera_of_cube(projection).view(bvh.origin(), width, height)?,
+                width,
+                height,
+            ));
         }
-        sets.push(rays::incoherent(bvh.origin()));
+        let cube = Bounds { min: Vec3::ZERO, max: Vec3::ONE };
+        sets.push(rays::incoherent(&cube.moved(-bvh.origin().as_vec3())));
         let rates = |structure: &Structure| -> Vec<f64> {
             sets.iter().map(|rays| rays::rate(structure, rays)).collect()
         };
@@ -212,14 +239,19 @@ impl Bench<'_> {
     }
 }
 
-const PROJECTIONS: [(&str, Projection); 2] = [
+pub(crate) const PROJECTIONS: [(&str, Projection); 2] = [
     ("orthographic", Projection::Orthographic { height: 1.8 }),
     ("perspective", Projection::Perspective { vertical_angle: std::f64::consts::PI / 6.0 }),
 ];
 
-fn camera(projection: Projection) -> Camera {
-    let look_at = DVec3::splat(0.5);
-    let eye = look_at + 3.5 * DVec3::new(0.80, 0.55, 0.45).normalize();
+/// Of the unit cube.
+pub(crate) fn camera_of_cube(projection: Projection) -> Camera {
+    camera_of(projection, DVec3::splat(0.5), 1.0)
+}
+
+/// Of what is `size` wide around `look_at`.
+fn camera_of(projection: Projection, look_at: DVec3, size: f64) -> Camera {
+    let eye = look_at + 3.5 * size * DVec3::new(0.80, 0.55, 0.45).normalize();
     Camera { eye, look_at, up: DVec3::Z, projection }
 }
 

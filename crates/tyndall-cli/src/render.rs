@@ -7,7 +7,7 @@ use std::time::Instant;
 
 use tyndall::particles::{Particles, Radii};
 use tyndall::render::estimate::Work;
-use tyndall::render::{Culling, Renderer, Settings};
+use tyndall::render::{Culling, Settings};
 use tyndall::scene::automatic::{self, Outliers};
 use tyndall::scene::camera::{Camera, VERTICAL_ANGLE};
 use tyndall::scene::color::{ParticleColors, resolve};
@@ -17,11 +17,12 @@ use tyndall::scene::outline::Outline;
 use tyndall::scene::viewpoint::{Lens, Motion, Viewpoint, too_small, why_unseen};
 use tyndall::scene::{Scene, short};
 use tyndall::structure::{Kind, Spheres, Structure};
-use tyndall::{Error, Image, Source};
+use tyndall::{Error, Source};
 use tyndall_io::write::{self, ImageOptions};
 use tyndall_io::{Parts, Sequence};
 
 use crate::args::{self, LightLook, Mode};
+use crate::device::{self, Renders};
 use crate::output::Pattern;
 use crate::plan::{self, Picture};
 use crate::report::{Failure, Outcome, Report, counted, seconds};
@@ -46,7 +47,9 @@ pub(crate) fn run(args: &args::Render, report: &Report) -> Outcome<()> {
     if args.method.dry_run {
         return job.dry_run(&sequence, &pictures);
     }
-    job.pictures_of(&sequence, &pictures)
+    plan::each_frame(&pictures, args.frames.skip_existing, report, |frame, wanted, kept, written| {
+        job.pictures_of_frame(&sequence, frame, wanted, kept, written)
+    })
 }
 
 /// Whether particles are read as a whole or can be read in parts.
@@ -73,6 +76,7 @@ struct Job<'a> {
     viewpoint: Viewpoint,
     background: Option<[f32; 3]>,
     pattern: Pattern,
+    renders: Renders,
 }
 
 impl<'a> Job<'a> {
@@ -81,6 +85,7 @@ impl<'a> Job<'a> {
         let samples = samples.unwrap_or(Settings::default().samples);
         let culling = culling::culling(&args.method.culling);
         let settings = Settings { width: size.width, height: size.height, samples, seed: *seed, culling };
+        let structure = structure::kind(&args.method.structure)?;
         let background = match background.unwrap_or(Background::Color([1.0; 3])) {
             Background::Nothing => None,
             Background::Color(color) => Some(color),
@@ -93,10 +98,11 @@ impl<'a> Job<'a> {
             args,
             report,
             settings,
-            structure: structure::kind(&args.method.structure)?,
+            structure,
             viewpoint: viewpoint(args)?,
             background: if *alpha { None } else { background },
             pattern: Pattern::new(&args.picture.output),
+            renders: Renders::new(&args.method.device, device::Work { structure, culling }, report)?,
         })
     }
 
@@ -152,57 +158,6 @@ impl<'a> Job<'a> {
             Structure::stream(parts, parts.origin(), radius, packing, self.report.progress())?;
         input::tell_dropped(dropped, parts.len(), &self.args.input, self.report)?;
         Ok((structure, dropped))
-    }
-
-    /// Makes the pictures frame by frame, and counts what failed.
-    fn pictures_of(&self, sequence: &Sequence, pictures: &[Picture]) -> Outcome<()> {
-        let (mut written, mut skipped, mut failures) = (0, 0, Vec::new());
-        let mut kept: Option<Kept> = None;
-        let mut left = pictures;
-        while let Some(first) = left.first() {
-            // Pictures of one frame follow each other: it is read once.
-            let same = left.iter().take_while(|it| it.frame == first.frame).count();
-            let (now, later) = left.split_at(same);
-            left = later;
-            let wanted: Vec<&Picture> = now.iter().filter(|it| !self.exists(it)).collect();
-            skipped += same - wanted.len();
-            // The first frame is read even if its pictures are there: what is guessed from it must not change.
-            if wanted.is_empty() && (kept.is_some() || left.is_empty()) {
-                continue;
-            }
-            match self.pictures_of_frame(sequence, first.frame, &wanted, &mut kept, &mut written) {
-                Ok(()) => {}
-                Err(Failure::Interrupted(_)) => {
-                    let text = format!("{written} of {} pictures written", pictures.len() - skipped);
-                    return Err(Failure::Interrupted(text));
-                }
-                Err(failure @ Failure::Library(Error::Memory { .. })) => return Err(failure),
-                Err(failure) if pictures.len() == 1 => return Err(failure),
-                Err(failure) => {
-                    self.report.error(&failure);
-                    failures.push((first.frame, wanted.len().max(1), failure));
-                }
-            }
-        }
-        if skipped > 0 {
-            self.report.note(format_args!("note: {} there already", counted(skipped, "picture")));
-        }
-        let Some((frame, _, first)) = failures.first() else { return Ok(()) };
-        let failed: usize = failures.iter().map(|(_, count, _)| count).sum();
-        let text = format!(
-            "{failed} of {} pictures failed, {written} were written (first failure: frame {frame})",
-            pictures.len()
-        );
-        if written + skipped == 0 && failures.iter().all(|(_, _, it)| it.code() == first.code()) {
-            // Nothing was achieved: the reason counts, not that it came often.
-            self.report.note(format_args!("{text}"));
-            return Err(failures.swap_remove(0).2);
-        }
-        Err(Failure::Partial(text))
-    }
-
-    fn exists(&self, picture: &Picture) -> bool {
-        self.args.frames.skip_existing && picture.path.exists()
     }
 
     /// Reads a frame, builds once, and makes its pictures.
@@ -287,10 +242,19 @@ impl<'a> Job<'a> {
             guesses.extend([text, by_axis]);
         }
         let mut scene = Scene::new(structure, colors, Lighting::Flat, self.background);
+        let loading = Instant::now();
+        let loaded = self.renders.load(&scene, self.report)?;
+        self.report.detail(format_args!("upload: {}", seconds(loading.elapsed().as_secs_f64())));
         for (place, picture) in pictures.iter().enumerate() {
             let rendering = Instant::now();
             let camera = self.viewpoint.turned(&camera, &outline, picture.turn);
-            let image = self.image(&mut scene, dropped, &camera)?;
+            self.set_light(&mut scene, dropped, &camera)?;
+            let image = loaded.image(&scene, &camera, &self.settings, self.report)?;
+            if image.shows_nothing() {
+                let Settings { width, height, .. } = self.settings;
+                let view = camera.view(scene.structure().origin(), width, height)?;
+                return Err(Failure::Unseen(why_unseen(scene.structure(), dropped, &view)));
+            }
             self.report.detail(format_args!("render: {}", seconds(rendering.elapsed().as_secs_f64())));
             let options = ImageOptions {
                 bits: if self.args.picture.bits == "16" { 16 } else { 8 },
@@ -310,7 +274,8 @@ impl<'a> Job<'a> {
         Ok(())
     }
 
-    fn image(&self, scene: &mut Scene, dropped: u64, camera: &Camera) -> Outcome<Image> {
+    /// Lights the scene for a camera. Fails if there is nothing to light.
+    fn set_light(&self, scene: &mut Scene, dropped: u64, camera: &Camera) -> Outcome<()> {
         let Settings { width, height, .. } = self.settings;
         let view = camera.view(scene.structure().origin(), width, height)?;
         if scene.structure().is_empty() {
@@ -321,14 +286,7 @@ impl<'a> Job<'a> {
             LightLook::Headlight => Lighting::Headlight,
             LightLook::Flat => Lighting::Flat,
         };
-        let mut renderer = Renderer::new(scene, camera, &self.settings)?;
-        renderer.finish(self.report.progress())?;
-        let image = renderer.image();
-        culling::tell(&self.settings.culling, &renderer.counts(), self.report);
-        match image.shows_nothing() {
-            true => Err(Failure::Unseen(why_unseen(scene.structure(), dropped, &view))),
-            false => Ok(image),
-        }
+        Ok(())
     }
 
     fn radii(&self, particles: &Particles, kept: Option<&Kept>) -> (Radii, String) {
@@ -380,7 +338,7 @@ impl<'a> Job<'a> {
     ) -> Vec<String> {
         let name = structure::name(self.structure);
         let Settings { width, height, samples, .. } = self.settings;
-        let mut guesses = vec![format!("{name}, cpu {} threads", rayon::current_num_threads())];
+        let mut guesses = vec![format!("{name}, {}", self.renders.name())];
         guesses.push(counted(count, "particle"));
         guesses.extend(conventions.iter().cloned());
         guesses.extend([radius.to_string(), colors.description.clone(), framing.to_string()]);

@@ -74,7 +74,10 @@ impl Work {
             Kind::Bvh(Packing::Bits16) => 9,
             Kind::Bvh(Packing::Bits11) => 7,
             Kind::Bvh(Packing::Bits8) => 6,
-            Kind::Pkd(_) | Kind::Brute => 16,
+            // A box of 32 bytes, and a share of a node of 100, each treelet; cuts through the middle leave treelets half full.
+            Kind::Treelets(options) => 13 + 4 + 100_u64.div_ceil(u64::from(options.size.max(1))),
+            Kind::Pkd(_) => 17,
+            Kind::Brute => 16,
         };
         ID_BYTES + bytes
     }
@@ -92,6 +95,7 @@ impl Work {
         let (build, tries) = match self.structure {
             Kind::Brute => (0.0, self.particles as f64 / 16.0),
             Kind::Bvh(_) => (BUILD_SECS, 1.0),
+            Kind::Treelets(_) => (2.0 * BUILD_SECS, 4.0),
             Kind::Pkd(_) => (2.0 * BUILD_SECS, 8.0),
         };
         (self.particles as f64 * build + samples * sample * tries.max(1.0)) / threads.max(1) as f64

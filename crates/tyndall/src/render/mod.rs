@@ -7,6 +7,8 @@ pub mod certified;
 pub mod confidence;
 pub mod cpu;
 pub mod estimate;
+#[cfg(feature = "gpu")]
+pub mod gpu;
 pub mod medium;
 pub mod normals;
 mod samples;
@@ -20,6 +22,7 @@ use crate::scene::Scene;
 use crate::scene::camera::{Camera, View};
 use cpu::Film;
 pub use samples::SampleBuffer;
+use sampling::Samples;
 
 /// The knobs of a picture.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -69,6 +72,23 @@ impl Default for Settings {
     }
 }
 
+impl Settings {
+    /// Fails with [`Error::Setting`] if a knob is out of range.
+    fn check(&self) -> Result<()> {
+        let Self { width, height, samples, .. } = *self;
+        if !(1..=65536).contains(&width) || !(1..=65536).contains(&height) {
+            return Err(Error::setting("size", format!("{width}x{height}"), "1x1 to 65536x65536 pixels"));
+        }
+        if samples == 0 {
+            return Err(Error::setting("samples", samples, "at least 1 a pixel"));
+        }
+        match &self.culling {
+            Culling::Off | Culling::Certified(_) => Ok(()),
+            Culling::Confidence(options) => options.check(),
+        }
+    }
+}
+
 /// Renders one picture, pass by pass.
 pub struct Renderer<'a> {
     scene: &'a Scene,
@@ -77,7 +97,7 @@ pub struct Renderer<'a> {
     film: Film,
     samples_done: u32,
     /// Those since the start.
-    passes: Vec<cpu::Samples>,
+    passes: Vec<Samples>,
     counts: certified::Counts,
     level: fearless_simd::Level,
 }
@@ -85,17 +105,8 @@ pub struct Renderer<'a> {
 impl<'a> Renderer<'a> {
     /// A picture without samples yet. Fails with [`Error::Setting`] if a knob or the camera is out of range.
     pub fn new(scene: &'a Scene, camera: &Camera, settings: &Settings) -> Result<Self> {
-        let Settings { width, height, samples, .. } = *settings;
-        if !(1..=65536).contains(&width) || !(1..=65536).contains(&height) {
-            return Err(Error::setting("size", format!("{width}x{height}"), "1x1 to 65536x65536 pixels"));
-        }
-        if samples == 0 {
-            return Err(Error::setting("samples", samples, "at least 1 a pixel"));
-        }
-        match &settings.culling {
-            Culling::Off | Culling::Certified(_) => {}
-            Culling::Confidence(options) => options.check()?,
-        }
+        settings.check()?;
+        let Settings { width, height, .. } = *settings;
         let view = camera.view(scene.structure().origin(), width, height)?;
         let film = Film::new(width, height);
         let level = fearless_simd::Level::new();
@@ -139,21 +150,11 @@ impl<'a> Renderer<'a> {
 
     /// The next samples of every pixel, if any are missing; they count as done.
     fn next_pass(&mut self) -> Option<cpu::Pass<'a>> {
-        let count = match self.settings.samples - self.samples_done {
-            0 => return None,
-            1..4 => 1,
-            4..16 => 4,
-            _ => 16,
-        };
-        let added = cpu::Samples {
-            seed: self.settings.seed,
-            first: self.samples_done,
-            count,
-            centered: self.settings.samples == 1,
-        };
-        self.samples_done += count;
+        let Settings { samples, seed, culling, .. } = self.settings;
+        let added = Samples::after(self.samples_done, samples, seed)?;
+        self.samples_done += added.count;
         self.passes.push(added);
-        Some(self.film.pass(self.scene, self.view, added, self.settings.culling.certified()))
+        Some(self.film.pass(self.scene, self.view, added, culling.certified()))
     }
 
     fn add(&mut self, passes: &[cpu::Pass], progress: &dyn Progress) -> Result<()> {

@@ -2,8 +2,9 @@
 
 use fearless_simd::Level;
 
-use super::cpu::{self, Film, Samples};
+use super::cpu::{self, Film};
 use super::normals::NormalStatistics;
+use super::sampling::Samples;
 use super::{Renderer, Settings};
 use crate::error::{Error, Result};
 use crate::film::Image;

@@ -19,7 +19,7 @@ mod statistics;
 pub mod viewpoint;
 
 use crate::structure::Structure;
-use color::ParticleColors;
+use color::{ColorColumn, ParticleColors};
 use light::Lighting;
 pub use statistics::{grouped, short};
 
@@ -59,6 +59,11 @@ impl Scene {
     /// Gives back the particles.
     pub fn into_structure(self) -> Structure {
         self.structure
+    }
+
+    /// The colors as they are held, by node.
+    pub(crate) fn color_column(&self) -> ColorColumn<'_> {
+        self.colors.column()
     }
 
     /// The color of the particle at `node`: linear RGB, 0 to 1.

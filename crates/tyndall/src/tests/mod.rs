@@ -3,5 +3,5 @@
 mod certified;
 mod oracle;
 mod relight;
-mod scenes;
+pub(crate) mod scenes;
 mod visibility;

@@ -11,17 +11,28 @@ use crate::scene::color;
 use crate::scene::coloring::Range;
 use crate::scene::light::Lighting;
 use crate::structure::pkd::{Axis, Options, Order};
+use crate::structure::treelets::{self, Cut};
 use crate::structure::{Hit, Kind, Packing, Structure};
 use fearless_simd::{Level, Simd};
 use glam::Vec3;
 
-const KINDS: [Kind; 6] = [
+const fn treelets(size: u32, cut: Cut, axis: Axis, order: Order) -> Kind {
+    Kind::Treelets(treelets::Options { size, cut, heap: Options { axis, order } })
+}
+
+const KINDS: [Kind; 12] = [
     Kind::Bvh(Packing::Exact),
     Kind::Brute,
     Kind::Pkd(Options { axis: Axis::WidestExtent, order: Order::NodeFirst }),
     Kind::Pkd(Options { axis: Axis::WidestExtent, order: Order::NearChildFirst }),
     Kind::Pkd(Options { axis: Axis::RoundRobin, order: Order::NodeFirst }),
     Kind::Pkd(Options { axis: Axis::RoundRobin, order: Order::NearChildFirst }),
+    treelets(16, Cut::Median, Axis::WidestExtent, Order::NodeFirst),
+    treelets(64, Cut::Median, Axis::WidestExtent, Order::NearChildFirst),
+    treelets(1024, Cut::Median, Axis::RoundRobin, Order::NodeFirst),
+    treelets(16, Cut::Middle, Axis::RoundRobin, Order::NearChildFirst),
+    treelets(100, Cut::Middle, Axis::WidestExtent, Order::NodeFirst),
+    treelets(4096, Cut::Middle, Axis::WidestExtent, Order::NodeFirst),
 ];
 
 const COUNTS: [usize; 10] = [0, 1, 2, 3, 16, 17, 100, 129, 700, 3000];

@@ -19,9 +19,10 @@ use fearless_simd_macros::simd;
 use rayon::prelude::*;
 
 use super::certified::{Counts, Options};
-use super::shade::{key_radiance, sky_radiance};
+use super::shade::{key_radiance, mean_of, sky_radiance};
 use crate::film::Image;
 use crate::progress::Progress;
+use crate::render::sampling::{Nearness, Samples};
 use crate::scene::Scene;
 use crate::scene::camera::View;
 use crate::scene::light::Lighting;
@@ -31,8 +32,7 @@ use bytemuck::Zeroable;
 use coverage::Visible;
 use hits::{Hits, PACKET_EDGE, PACKETS, pixel_of};
 use lighting::Lit;
-use pass::PATTERN;
-pub(crate) use pass::{Pass, Samples};
+pub(crate) use pass::Pass;
 use surfaces::{Layer, Met, look_up};
 use tiles::{BLOCKS, Beam, EDGE, Entry, Memory, RAYS, Tile, block_at};
 
@@ -58,8 +58,8 @@ pub(crate) struct Film {
     width: u32,
     height: u32,
     tiles: Vec<FilmTile>,
-    /// Squared distance from the pixel's center of the sample nearest it, by the pixel's place in the pattern of samples.
-    nearest_sq: [f32; PATTERN * PATTERN],
+    /// How near samples have come to the centers of their pixels.
+    nearness: Nearness,
     /// What the samples met, by film tile and pass, where that is kept.
     kept: Vec<Vec<Hits>>,
     pub(super) keeps: bool,
@@ -80,9 +80,9 @@ impl Film {
         certified: Options,
     ) -> Pass<'a> {
         if added.first == 0 {
-            self.nearest_sq.fill(f32::INFINITY);
+            self.nearness = Nearness::NONE;
         }
-        Pass::new(scene, view, added, certified, &mut self.nearest_sq)
+        Pass::new(scene, view, added, certified, &mut self.nearness)
     }
 
     /// Without samples. Tiles lie along a Morton curve, so that neighbors in time are neighbors in the picture.
@@ -101,7 +101,7 @@ impl Film {
             (tile.x, tile.y) = (x * FILM_EDGE as u32, y * FILM_EDGE as u32);
         }
         let kept = vec![Vec::new(); tiles.len()];
-        Self { width, height, tiles, nearest_sq: [f32::INFINITY; PATTERN * PATTERN], kept, keeps: false }
+        Self { width, height, tiles, nearness: Nearness::NONE, kept, keeps: false }
     }
 
     /// Writes the mean of `samples` samples a pixel, over the scene's background.
@@ -112,17 +112,7 @@ impl Film {
         image.color.resize(pixels, [0.0; 4]);
         image.depth.resize(pixels, f32::INFINITY);
         image.id.resize(pixels, -1);
-        let inv_samples = if samples == 0 { 0.0 } else { 1.0 / samples as f32 };
-        let mean = |sum: [f32; 4]| {
-            let [r, g, b, count] = sum.map(|sum| sum * inv_samples);
-            match scene.background {
-                Some(back) => {
-                    let open = 1.0 - count;
-                    [r + open * back[0], g + open * back[1], b + open * back[2], 1.0]
-                }
-                None => [r, g, b, count],
-            }
-        };
+        let mean = mean_of(samples, scene.background);
         let mut rows: Vec<Vec<&FilmTile>> = vec![Vec::new(); self.height.div_ceil(FILM_EDGE as u32) as usize];
         for tile in &self.tiles {
             rows[tile.y as usize / FILM_EDGE].push(tile);

@@ -6,6 +6,7 @@
 //! `build` sorts the particles and writes all this; `block` and `sizes` are what a leaf holds, `packing_error` what that costs; `rays`
 //! walks it with single rays; the walks of many rays at once stand in `render::cpu`.
 
+mod arrays;
 mod block;
 mod build;
 mod packing_error;
@@ -19,8 +20,10 @@ use glam::Vec3;
 use super::box_slack;
 use crate::math::{Bounds, HIT_ROUNDING, Ray};
 use crate::simd::{Lanes3, floats_of_bytes};
+pub(crate) use arrays::{Arrays, SizeArrays};
 pub use block::Packing;
 use block::{Blocks, power_of_two, step_exponent};
+use bytemuck::{Pod, Zeroable};
 pub use packing_error::PackingError;
 use sizes::Sizes;
 
@@ -37,19 +40,21 @@ pub(crate) struct Place {
 }
 
 /// The boxes of up to eight children.
-#[derive(Clone, Copy, Default)]
+#[derive(Clone, Copy, Default, Pod, Zeroable)]
 #[repr(C, align(64))]
 pub(crate) struct Node {
     /// Child box = `corner + step * (lower..upper)`, by axis; the step is a power of two, of which this is the biased exponent.
     corner: [f32; 3],
     exponent: [u8; 3],
+    /// Puts the steps where whole words begin.
+    unused: u8,
     /// The lower steps of all children, then the upper ones.
     steps: [[u8; 2 * WIDTH]; 3],
 }
 
 impl Node {
     /// Holds at most eight boxes, rounded outward.
-    fn encode(boxes: &[Bounds]) -> Self {
+    pub(in crate::structure) fn encode(boxes: &[Bounds]) -> Self {
         let all = boxes.iter().copied().fold(Bounds::EMPTY, Bounds::union);
         let mut node = Self::default();
         for axis in 0..3 {
@@ -118,7 +123,13 @@ impl Node {
 
     /// Where a ray enters and leaves the child boxes, which it meets where the first is not behind the second.
     #[inline(always)]
-    fn cross<S: Simd>(&self, simd: S, ray: &Ray, inv_direction: Vec3, margin: f32) -> (f32x8<S>, f32x8<S>) {
+    pub(in crate::structure) fn cross<S: Simd>(
+        &self,
+        simd: S,
+        ray: &Ray,
+        inv_direction: Vec3,
+        margin: f32,
+    ) -> (f32x8<S>, f32x8<S>) {
         let x = self.cross_axis(simd, 0, ray.origin.x, inv_direction.x, margin);
         let y = self.cross_axis(simd, 1, ray.origin.y, inv_direction.y, margin);
         let z = self.cross_axis(simd, 2, ray.origin.z, inv_direction.z, margin);
@@ -232,6 +243,19 @@ impl Bvh {
 }
 
 #[cfg(test)]
+impl Node {
+    /// The least and greatest corner of a child's box.
+    pub(super) fn decoded(&self, child: usize) -> [Vec3; 2] {
+        [child, WIDTH + child].map(|at| {
+            let decode = |axis: usize| {
+                self.corner[axis] + power_of_two(self.exponent[axis]) * f32::from(self.steps[axis][at])
+            };
+            Vec3::new(decode(0), decode(1), decode(2))
+        })
+    }
+}
+
+#[cfg(test)]
 mod tests {
     use super::super::{Kind, Structure};
     use super::*;
@@ -266,12 +290,9 @@ mod tests {
         let mut all = Bounds::EMPTY;
         for child in (0..WIDTH).filter(|child| bvh.existing(place) >> child & 1 == 1) {
             let inside = visit(bvh, bvh.child(place, child), nodes);
-            for axis in 0..3 {
-                let decode =
-                    |steps: u8| node.corner[axis] + power_of_two(node.exponent[axis]) * f32::from(steps);
-                assert!(decode(node.steps[axis][child]) <= inside.min[axis] + bvh.slack);
-                assert!(decode(node.steps[axis][WIDTH + child]) >= inside.max[axis] - bvh.slack);
-            }
+            let [min, max] = node.decoded(child);
+            assert!(min.cmple(inside.min + bvh.slack).all());
+            assert!(max.cmpge(inside.max - bvh.slack).all());
             all = all.union(inside);
         }
         all
