@@ -10,6 +10,8 @@ pub mod estimate;
 #[cfg(feature = "gpu")]
 pub mod gpu;
 pub mod medium;
+pub mod normals;
+mod samples;
 mod sampling;
 mod shade;
 
@@ -19,6 +21,7 @@ use crate::progress::Progress;
 use crate::scene::Scene;
 use crate::scene::camera::{Camera, View};
 use cpu::Film;
+pub use samples::SampleBuffer;
 use sampling::Samples;
 
 /// The knobs of a picture.
@@ -94,6 +97,8 @@ pub struct Renderer<'a> {
     film: Film,
     culling: Option<cpu::Confidence>,
     samples_done: u32,
+    /// Those since the start.
+    passes: Vec<Samples>,
     counts: certified::Counts,
     level: fearless_simd::Level,
 }
@@ -110,8 +115,8 @@ impl<'a> Renderer<'a> {
             Culling::Confidence(options) => Some(cpu::Confidence::new(scene, &film, options)?),
         };
         let level = fearless_simd::Level::new();
-        let counts = certified::Counts::default();
-        Ok(Self { scene, view, settings: *settings, film, culling, samples_done: 0, counts, level })
+        let (passes, counts) = (Vec::new(), certified::Counts::default());
+        Ok(Self { scene, view, settings: *settings, film, culling, samples_done: 0, passes, counts, level })
     }
 
     /// Uses narrower SIMD than the machine has.
@@ -150,6 +155,7 @@ impl<'a> Renderer<'a> {
         };
         let added = Samples::after(self.samples_done, samples, seed)?.at_most(at_once);
         self.samples_done += added.count;
+        self.passes.push(added);
         Some(self.film.pass(self.scene, self.view, added, culling.certified()))
     }
 
@@ -177,6 +183,7 @@ impl<'a> Renderer<'a> {
         let Settings { width, height, .. } = self.settings;
         self.view = camera.view(self.scene.structure().origin(), width, height)?;
         self.samples_done = 0;
+        self.passes.clear();
         if let Some(culling) = &mut self.culling {
             culling.restart();
         }

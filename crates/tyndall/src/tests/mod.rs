@@ -3,7 +3,8 @@
 mod certified;
 mod culling;
 mod oracle;
-mod scenes;
+mod relight;
+pub(crate) mod scenes;
 #[cfg(feature = "gpu")]
 mod twins;
 mod visibility;
