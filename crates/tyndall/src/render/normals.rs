@@ -61,7 +61,7 @@ impl NormalStatistics {
 /// The probability that a standard normal variable is below `x`; Abramowitz and Stegun 26.2.17, off by at most 1e-6 here.
 fn normal_probability(x: f32) -> f32 {
     let t = 1.0 / (1.0 + 0.231_641_9 * x.abs());
-    let series = [1.330_274_4, -1.821_255_98, 1.781_477_9, -0.356_563_78, 0.319_381_53];
+    let series = [1.330_274_4, -1.821_256, 1.781_477_9, -0.356_563_78, 0.319_381_53];
     let tail = series.iter().fold(0.0, |sum, factor| (sum + factor) * t) * (-0.5 * x * x).exp()
         / std::f32::consts::TAU.sqrt();
     if x < 0.0 { tail } else { 1.0 - tail }

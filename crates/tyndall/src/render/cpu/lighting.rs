@@ -201,10 +201,8 @@ impl Sorted {
             self.place[to] = place;
             let (packet, lane) = (place as usize / RAYS, place as usize % RAYS);
             let (to_packet, to_lane) = (to / RAYS, to % RAYS);
-            for axis in 0..3 {
-                self.position[to_packet][axis][to_lane] = layer.position[packet][axis][lane];
-                self.at[to_packet][axis][to_lane] = at[packet][axis][lane];
-            }
+            put(&mut self.position[to_packet], to_lane, &layer.position[packet], lane);
+            put(&mut self.at[to_packet], to_lane, &at[packet], lane);
             self.on[to_packet][to_lane] = layer.node[packet][lane];
         }
         self.count = count;
@@ -221,6 +219,13 @@ impl Sorted {
             let lit = self.lanes[at / RAYS] >> (at % RAYS) & 1;
             lanes[place as usize / RAYS] |= lit << (place as usize % RAYS);
         }
+    }
+}
+
+/// Copies a vector from a lane to another.
+fn put(to: &mut [[f32; RAYS]; 3], to_lane: usize, from: &[[f32; RAYS]; 3], lane: usize) {
+    for (to, from) in to.iter_mut().zip(from) {
+        to[to_lane] = from[lane];
     }
 }
 
