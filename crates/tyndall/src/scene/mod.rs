@@ -14,13 +14,16 @@ mod names;
 pub mod outline;
 pub mod quantity;
 mod rgb;
+pub mod select;
 mod spacing;
 mod statistics;
 pub mod viewpoint;
 
 use crate::structure::Structure;
+use crate::structure::selection::Column;
 use color::ParticleColors;
 use light::Lighting;
+use select::Selectable;
 pub use statistics::{grouped, short};
 
 /// Particles, and how they are seen.
@@ -32,6 +35,8 @@ pub struct Scene {
     structure: Structure,
     /// By node.
     colors: ParticleColors,
+    /// Quantities that filters may ask for.
+    selectables: Vec<Selectable<Column>>,
 }
 
 impl Scene {
@@ -43,7 +48,7 @@ impl Scene {
         background: Option<[f32; 3]>,
     ) -> Self {
         let colors = colors.arranged(structure.ids());
-        Self { lighting, background, structure, colors }
+        Self { lighting, background, structure, colors, selectables: Vec::new() }
     }
 
     /// The particles.

@@ -8,6 +8,7 @@ mod build;
 pub mod bvh;
 mod pages;
 pub mod pkd;
+pub mod selection;
 
 use glam::{DVec3, Vec3};
 
@@ -17,6 +18,7 @@ use crate::particles::{Particles, Radii};
 use crate::progress::Progress;
 use crate::source::Source;
 use build::{Record, records};
+use selection::{Rule, Test, all_bits, shows};
 
 pub use bvh::{Bvh, Packing, PackingError};
 pub use pkd::Pkd;
@@ -179,6 +181,13 @@ impl Structure {
         Ok((Self { store: Store::Bvh(bvh), origin, places: None }, dropped))
     }
 
+    /// From now on shows only particles that fulfill all rules; without rules, all. What is not shown is met by no ray and casts no
+    /// shadow, but keeps its node. Returns how many are shown.
+    pub fn show(&mut self, rules: &[Rule]) -> u64 {
+        let tests: Vec<Test> = rules.iter().map(|rule| Test::new(rule, self.origin)).collect();
+        each_store!(&mut self.store, store => store.show(&tests))
+    }
+
     /// The particle that `ray` enters first, not counting the one at node `except`.
     pub fn intersect(&self, ray: &Ray, except: Option<u32>) -> Option<Hit> {
         each_store!(&self.store, store => store.intersect(ray, except))
@@ -261,6 +270,8 @@ fn arrange<const N: usize>(
 pub struct Brute {
     spheres: Vec<(Vec3, f32)>,
     ids: Vec<u32>,
+    /// A bit a particle, where not all are shown.
+    shown: Option<Vec<u16>>,
 }
 
 impl Brute {
@@ -269,6 +280,7 @@ impl Brute {
         Self {
             spheres: records.iter().map(sphere).collect(),
             ids: records.iter().map(|record| record.id).collect(),
+            shown: None,
         }
     }
 
@@ -302,10 +314,18 @@ impl Brute {
         size_of_val(&self.spheres[..]) as u64
     }
 
+    fn show(&mut self, tests: &[Test]) -> u64 {
+        let bits = all_bits(self.ids.len(), tests, |node| self.spheres[node].0);
+        let count = bits.iter().map(|bits| u64::from(bits.count_ones())).sum();
+        self.shown = Some(bits);
+        count
+    }
+
     fn hits(&self, ray: &Ray, except: Option<u32>) -> impl Iterator<Item = (f32, u32)> {
         (0u32..).zip(&self.spheres).filter_map(move |(node, &(center, radius))| {
             let t = enter_sphere(ray, center, radius);
-            (t < ray.t_max && except != Some(node)).then_some((t, node))
+            let is_shown = || self.shown.as_ref().is_none_or(|shown| shows(shown, node as usize));
+            (t < ray.t_max && except != Some(node) && is_shown()).then_some((t, node))
         })
     }
 }

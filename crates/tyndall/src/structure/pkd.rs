@@ -10,6 +10,7 @@ use glam::Vec3;
 use rayon::prelude::*;
 
 use super::build::{Record, cut};
+use super::selection::{RUN, Test, all_bits, shows};
 use super::{Hit, box_slack};
 use crate::error::{Error, Result};
 use crate::math::{Bounds, HIT_ROUNDING, Ray, enter_sphere};
@@ -55,6 +56,14 @@ pub struct Pkd {
     centers: Bounds,
     slack: f32,
     options: Options,
+    /// Which particles are shown, where that is not all.
+    shown: Option<Shown>,
+}
+
+/// A bit a node, sixteen a word: whether it is shown itself, and whether anything of its subtree is.
+struct Shown {
+    own: Vec<u16>,
+    any: Vec<u16>,
 }
 
 /// Particles in the left subtree of a left-balanced tree of `count`.
@@ -119,6 +128,7 @@ impl Pkd {
             centers,
             slack: box_slack(&centers.grown(max_radius)),
             options,
+            shown: None,
         })
     }
 
@@ -150,6 +160,37 @@ impl Pkd {
             found
         });
         found
+    }
+
+    /// Shows the particles that fulfill all tests; without a test all. Returns how many.
+    pub(super) fn show(&mut self, tests: &[Test]) -> u64 {
+        self.shown = None;
+        let count = self.ids.len();
+        if tests.is_empty() {
+            return count as u64;
+        }
+        let own = all_bits(count, tests, |node| self.center(node));
+        // Children come after their parents.
+        let mut any = own.clone();
+        for node in (1..count).rev() {
+            let parent = (node - 1) / 2;
+            any[parent / RUN] |= u16::from(shows(&any, node)) << (parent % RUN);
+        }
+        let shown = own.par_iter().map(|bits| u64::from(bits.count_ones())).sum();
+        self.shown = Some(Shown { own, any });
+        shown
+    }
+
+    /// Whether anything of the subtree is shown.
+    #[inline(always)]
+    fn shows_any(&self, node: usize) -> bool {
+        self.shown.as_ref().is_none_or(|shown| shows(&shown.any, node))
+    }
+
+    /// Whether the node's own particle is shown.
+    #[inline(always)]
+    fn shows_own(&self, node: usize) -> bool {
+        self.shown.as_ref().is_none_or(|shown| shows(&shown.own, node))
     }
 
     /// See [`super::Structure::sphere`].
@@ -217,6 +258,7 @@ impl Pkd {
             let child = 2 * node + 1;
             let is_leaf = child >= self.ids.len();
             if (region.test_only || is_leaf || self.options.order == Order::NodeFirst)
+                && self.shows_own(node)
                 && test(self, node, ray)
             {
                 return;
@@ -239,7 +281,7 @@ impl Pkd {
             near.t_far = near.t_far.min(t_split + t_margin);
             far.t_near = far.t_near.max(t_split - t_margin);
             // The last one pushed is walked first.
-            let exists = |side: &Region| side.node < self.ids.len();
+            let exists = |side: &Region| side.node < self.ids.len() && self.shows_any(side.node);
             stack.extend(Some(far).filter(exists));
             if self.options.order == Order::NearChildFirst {
                 stack.push(Region { test_only: true, ..region });

@@ -2,4 +2,5 @@
 
 mod oracle;
 mod scenes;
+mod selection;
 mod visibility;

@@ -15,7 +15,7 @@ use crate::structure::{Hit, Kind, Packing, Structure};
 use fearless_simd::{Level, Simd};
 use glam::Vec3;
 
-const KINDS: [Kind; 6] = [
+pub(super) const KINDS: [Kind; 6] = [
     Kind::Bvh(Packing::Exact),
     Kind::Brute,
     Kind::Pkd(Options { axis: Axis::WidestExtent, order: Order::NodeFirst }),
@@ -24,7 +24,7 @@ const KINDS: [Kind; 6] = [
     Kind::Pkd(Options { axis: Axis::RoundRobin, order: Order::NearChildFirst }),
 ];
 
-const COUNTS: [usize; 10] = [0, 1, 2, 3, 16, 17, 100, 129, 700, 3000];
+pub(super) const COUNTS: [usize; 10] = [0, 1, 2, 3, 16, 17, 100, 129, 700, 3000];
 
 /// Every particle has a color of its own, of a few.
 fn scene(particles: &Particles, radii: &Radii, kind: Kind, lighting: Lighting) -> Scene {
@@ -33,7 +33,7 @@ fn scene(particles: &Particles, radii: &Radii, kind: Kind, lighting: Lighting) -
     Scene::new(structure, colors, lighting, None)
 }
 
-fn image(scene: &Scene, camera: &Camera, settings: &Settings, level: Level) -> Image {
+pub(super) fn image(scene: &Scene, camera: &Camera, settings: &Settings, level: Level) -> Image {
     let mut renderer = Renderer::new(scene, camera, settings).unwrap().with_level(level);
     while !renderer.is_done() {
         renderer.pass(&()).unwrap();
@@ -42,7 +42,7 @@ fn image(scene: &Scene, camera: &Camera, settings: &Settings, level: Level) -> I
 }
 
 /// How many pixels differ in any bit of any layer.
-fn differing_pixels(a: &Image, b: &Image) -> usize {
+pub(super) fn differing_pixels(a: &Image, b: &Image) -> usize {
     let bits =
         |image: &Image, k: usize| (image.color[k].map(f32::to_bits), image.depth[k].to_bits(), image.id[k]);
     assert_eq!((a.width, a.height), (b.width, b.height));
@@ -142,7 +142,7 @@ fn packed_particles_are_rendered_as_brute_force_renders_what_the_blocks_decode()
 }
 
 /// The particles as a structure holds them, in order of their ids.
-fn decoded(structure: &Structure) -> (Particles, Radii) {
+pub(super) fn decoded(structure: &Structure) -> (Particles, Radii) {
     let mut nodes: Vec<u32> = (0..structure.len() as u32).collect();
     nodes.sort_by_key(|&node| structure.ids()[node as usize]);
     let axis = |axis: usize| nodes.iter().map(|&node| structure.sphere(node).0[axis]).collect();

@@ -330,7 +330,7 @@ fn push_children<S: Simd>(
     let (center, half) = bvh.node(place).decode(simd, beam.eye, margin);
     let shadow = project(simd, beam, center, half);
     let quads = shadow.open_quads(simd, tile);
-    let mut kept = (quads[0] | quads[1] | quads[2] | quads[3]) & bvh.existing(place);
+    let mut kept = (quads[0] | quads[1] | quads[2] | quads[3]) & bvh.shown_children(place);
     let near = shadow.near.to_array();
     let first = stack.len();
     while kept != 0 {
@@ -354,7 +354,7 @@ fn draw_leaf<S: Simd>(simd: S, bvh: &Bvh, leaf: usize, view: &View, beam: &Beam,
     let center = centers.minus(Lanes3::splat(simd, beam.eye));
     let shadow = project(simd, beam, center, Ball(grown(simd, radius, center, beam.spread)));
     let quads = shadow.open_quads(simd, tile);
-    let mut kept = quads[0] | quads[1] | quads[2] | quads[3];
+    let mut kept = (quads[0] | quads[1] | quads[2] | quads[3]) & bvh.shown(leaf);
     if let Some(block_px) = beam.centers {
         kept &= shadow.holds_centers(simd, block_px);
     }

@@ -78,7 +78,19 @@ impl Bvh {
         }
         let bounds = boxes.first().copied().unwrap_or(Bounds::EMPTY);
         let slack = box_slack(&bounds);
-        Self { nodes, first, count, top: top as u8, blocks, sizes, ids, slack, bounds, packing_error: None }
+        Self {
+            nodes,
+            first,
+            count,
+            top: top as u8,
+            blocks,
+            sizes,
+            ids,
+            slack,
+            bounds,
+            packing_error: None,
+            shown: None,
+        }
     }
 }
 

@@ -4,12 +4,13 @@
 //! the last, and nothing points to anything. A node is one cache line: the boxes of its children in 8 bits a coordinate, rounded
 //! outward: invariant: a decoded box holds every sphere below it, as its block decodes it.
 //! `build` sorts the particles and writes all this; `block` and `sizes` are what a leaf holds, `packing_error` what that costs; `rays`
-//! walks it with single rays; the walks of many rays at once stand in `render::cpu`.
+//! walks it with single rays, `shown` hides particles from all walks; the walks of many rays at once stand in `render::cpu`.
 
 mod block;
 mod build;
 mod packing_error;
 mod rays;
+mod shown;
 mod sizes;
 mod stream;
 
@@ -22,6 +23,7 @@ use crate::simd::{Lanes3, floats_of_bytes};
 pub use block::Packing;
 use block::{Blocks, power_of_two, step_exponent};
 pub use packing_error::PackingError;
+use shown::Shown;
 use sizes::Sizes;
 
 /// Particles in a leaf.
@@ -157,6 +159,8 @@ pub struct Bvh {
     pub(crate) slack: f32,
     bounds: Bounds,
     packing_error: Option<PackingError>,
+    /// Which particles are shown, where that is not all.
+    shown: Option<Shown>,
 }
 
 impl Bvh {
@@ -180,7 +184,7 @@ impl Bvh {
 
     /// A bit for every child that a node has.
     #[inline(always)]
-    pub(crate) fn existing(&self, place: Place) -> u32 {
+    fn existing(&self, place: Place) -> u32 {
         let below = self.count[place.level as usize - 1] - place.index * WIDTH as u32;
         (1 << below.min(WIDTH as u32)) - 1
     }

@@ -49,6 +49,7 @@ fn walk<S: Simd>(simd: S, bvh: &Bvh, ray: &Ray, except: Option<u32>, mut wanted:
         if place.level == 0 {
             let leaf = place.index as usize;
             let (t, mut met) = enter_leaf(simd, bvh, leaf, ray, t_far);
+            met &= bvh.shown(leaf);
             if let Some(except) = except.filter(|&except| except as usize / LEAF == leaf) {
                 met &= !(1 << (except as usize % LEAF));
             }
@@ -75,7 +76,7 @@ fn walk<S: Simd>(simd: S, bvh: &Bvh, ray: &Ray, except: Option<u32>, mut wanted:
         let (enter, leave) = bvh.node(place).cross(simd, ray, inv_direction, bvh.slack);
         let enter = enter.max(f32x8::splat(simd, ray.t_min));
         let leave = leave.min(f32x8::splat(simd, t_far));
-        let mut kept = enter.simd_le(leave).to_bitmask() as u32 & bvh.existing(place);
+        let mut kept = enter.simd_le(leave).to_bitmask() as u32 & bvh.shown_children(place);
         let enter = enter.to_array();
         let first = top;
         while kept != 0 {
