@@ -26,7 +26,7 @@ use tyndall::{DVec3, Error, Vec3};
 use tyndall_io::write;
 
 use self::args::{CacheName, KernelName, MethodName, SmoothingName};
-use crate::args::{Picture, Render};
+use crate::args::{Picture, Render, Selection};
 use crate::output::Pattern;
 use crate::report::{Failure, Outcome, Report, counted, seconds};
 use crate::values::Background;
@@ -120,6 +120,11 @@ impl Job<'_> {
     fn start(&self) -> Outcome<Pattern> {
         if self.args.method.dry_run {
             let text = "--dry-run is for spheres — for a medium, --verbose says what each stage takes";
+            return Err(Failure::Usage(text.into()));
+        }
+        let Selection { filters, clips } = &self.args.selection;
+        if !(filters.is_empty() && clips.is_empty()) {
+            let text = "--filter and --clip are for spheres — leave them out, or --mode medium";
             return Err(Failure::Usage(text.into()));
         }
         let pattern = Pattern::new(&self.args.picture.output);

@@ -198,6 +198,12 @@ impl Structure {
         each_store!(&self.store, store => store.occluded(ray, except))
     }
 
+    /// Whether the particle at `node` is shown: see [`Structure::show`].
+    #[inline(always)]
+    pub fn shows(&self, node: u32) -> bool {
+        each_store!(&self.store, store => store.shows(node))
+    }
+
     /// How many particles there are; nodes count from 0 to this.
     pub fn len(&self) -> usize {
         self.ids().len()
@@ -321,11 +327,14 @@ impl Brute {
         count
     }
 
+    fn shows(&self, node: u32) -> bool {
+        self.shown.as_ref().is_none_or(|shown| shows(shown, node as usize))
+    }
+
     fn hits(&self, ray: &Ray, except: Option<u32>) -> impl Iterator<Item = (f32, u32)> {
         (0u32..).zip(&self.spheres).filter_map(move |(node, &(center, radius))| {
             let t = enter_sphere(ray, center, radius);
-            let is_shown = || self.shown.as_ref().is_none_or(|shown| shows(shown, node as usize));
-            (t < ray.t_max && except != Some(node) && is_shown()).then_some((t, node))
+            (t < ray.t_max && except != Some(node) && self.shows(node)).then_some((t, node))
         })
     }
 }

@@ -189,8 +189,8 @@ impl Pkd {
 
     /// Whether the node's own particle is shown.
     #[inline(always)]
-    fn shows_own(&self, node: usize) -> bool {
-        self.shown.as_ref().is_none_or(|shown| shows(&shown.own, node))
+    pub(super) fn shows(&self, node: u32) -> bool {
+        self.shown.as_ref().is_none_or(|shown| shows(&shown.own, node as usize))
     }
 
     /// See [`super::Structure::sphere`].
@@ -258,7 +258,7 @@ impl Pkd {
             let child = 2 * node + 1;
             let is_leaf = child >= self.ids.len();
             if (region.test_only || is_leaf || self.options.order == Order::NodeFirst)
-                && self.shows_own(node)
+                && self.shows(node as u32)
                 && test(self, node, ray)
             {
                 return;

@@ -29,7 +29,7 @@ enum Store {
 
 impl Numbers {
     /// Those that `number` gives for 0 to `count`.
-    pub fn collect(count: usize, number: impl Fn(usize) -> f64 + Sync) -> Self {
+    pub fn collect(count: usize, number: impl Fn(usize) -> f64 + Sync + Send) -> Self {
         let ids = || (0..count).into_par_iter().with_min_len(1 << 14);
         let is_single = |id| {
             let exact: f64 = number(id);
@@ -38,7 +38,7 @@ impl Numbers {
         Self(if ids().all(is_single) {
             Store::Single(ids().map(|id| number(id) as f32).collect())
         } else {
-            Store::Double(ids().map(|id| number(id)).collect())
+            Store::Double(ids().map(number).collect())
         })
     }
 
@@ -58,11 +58,13 @@ impl Numbers {
     }
 }
 
+/// Of each bin the least and the greatest number in it; empty bins have none.
+type Bins = [Option<[f64; 2]>; BINS];
+
 /// A number of every particle of a structure, by node, with masks of which numbers occur where.
 pub struct Column {
     numbers: Numbers,
-    /// Of each bin the least and the greatest number in it; empty bins have none.
-    bins: [Option<[f64; 2]>; BINS],
+    bins: Bins,
     /// A bit for every bin that occurs: by runs of 16 nodes, by 8 such runs, by 8 of these, and so on.
     presence: Vec<Vec<u32>>,
 }
@@ -99,8 +101,7 @@ impl Column {
                 (masks, std::array::from_fn(|bin| joined(bins[bin], own[bin])))
             },
         );
-        let parts: Vec<(Vec<u32>, [Option<[f64; 2]>; BINS])> = parts.collect();
-        let (masks, bins): (Vec<Vec<u32>>, Vec<_>) = parts.into_iter().unzip();
+        let (masks, bins): (Vec<Vec<u32>>, Vec<Bins>) = parts.collect::<Vec<_>>().into_iter().unzip();
         let bins = bins.into_iter().fold(none(), |a, b| std::array::from_fn(|bin| joined(a[bin], b[bin])));
         let mut presence = vec![masks.concat()];
         while let Some(below) = presence.last().filter(|below| below.len() > 1) {

@@ -41,6 +41,12 @@ impl Bvh {
         self.shown.as_ref().map_or(0xffff, |shown| shown.leaves[leaf].into())
     }
 
+    /// Whether the particle at `node` is shown.
+    #[inline(always)]
+    pub(in crate::structure) fn shows(&self, node: u32) -> bool {
+        self.shown(node as usize / LEAF) >> (node as usize % LEAF) & 1 == 1
+    }
+
     /// A bit for every child that has particles that are shown.
     #[inline(always)]
     pub(crate) fn shown_children(&self, place: Place) -> u32 {
