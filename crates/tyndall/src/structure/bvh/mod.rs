@@ -18,7 +18,7 @@ use fearless_simd::{f32x8, f32x16, prelude::*};
 use glam::Vec3;
 
 use super::box_slack;
-use crate::math::{Bounds, HIT_ROUNDING, Ray};
+use crate::math::{Bounds, HIT_ROUNDING};
 use crate::simd::{Lanes3, floats_of_bytes};
 pub use block::Packing;
 use block::{Blocks, power_of_two, step_exponent};
@@ -92,39 +92,6 @@ impl Node {
         let half = (upper - lower) * half_step;
         let rounding = f32x8::splat(simd, HIT_ROUNDING);
         (middle, (middle.abs() + half).mul_add(rounding, half + f32x8::splat(simd, margin)))
-    }
-
-    /// Where a ray enters and leaves the slabs of the child boxes along one axis, in order; both give way by the rounding of what
-    /// lies there and by `margin`.
-    #[inline(always)]
-    fn cross_axis<S: Simd>(
-        &self,
-        simd: S,
-        axis: usize,
-        origin: f32,
-        inv_direction: f32,
-        margin: f32,
-    ) -> (f32x8<S>, f32x8<S>) {
-        let step = power_of_two(self.exponent[axis]);
-        let to_corner = self.corner[axis] - origin;
-        let give = (HIT_ROUNDING * (to_corner.abs() + 256.0 * step) + margin) * inv_direction.abs();
-        let steps = floats_of_bytes(simd, &self.steps[axis]);
-        let t = steps.mul_add(
-            f32x16::splat(simd, step * inv_direction),
-            f32x16::splat(simd, to_corner * inv_direction),
-        );
-        let (lower, upper) = t.split();
-        let give = f32x8::splat(simd, give);
-        (lower.min(upper) - give, lower.max(upper) + give)
-    }
-
-    /// Where a ray enters and leaves the child boxes, which it meets where the first is not behind the second.
-    #[inline(always)]
-    fn cross<S: Simd>(&self, simd: S, ray: &Ray, inv_direction: Vec3, margin: f32) -> (f32x8<S>, f32x8<S>) {
-        let x = self.cross_axis(simd, 0, ray.origin.x, inv_direction.x, margin);
-        let y = self.cross_axis(simd, 1, ray.origin.y, inv_direction.y, margin);
-        let z = self.cross_axis(simd, 2, ray.origin.z, inv_direction.z, margin);
-        (x.0.max(y.0).max(z.0), x.1.min(y.1).min(z.1))
     }
 }
 

@@ -2,50 +2,75 @@
 
 use fearless_simd::{Level, dispatch, f32x8, f32x16, prelude::*};
 use fearless_simd_macros::simd;
+use glam::Vec3;
 
-use super::{Bvh, LEAF};
-use crate::math::Ray;
-use crate::simd::{Lanes3, enter_sphere};
+use super::{Bvh, LEAF, LEVELS, Node, Place, WIDTH, power_of_two};
+use crate::math::{Bounds, HIT_ROUNDING, Ray};
+use crate::simd::{Lanes3, enter_sphere, floats_of_bytes};
 use crate::structure::Hit;
 
 impl Bvh {
     /// See [`crate::structure::Structure::intersect`].
     pub fn intersect(&self, ray: &Ray, except: Option<u32>) -> Option<Hit> {
-        let mut best = None;
-        dispatch!(Level::new(), simd => walk(simd, self, ray, except, Wanted::Nearest(&mut best)));
-        best
+        let found = dispatch!(Level::new(), simd => walk(simd, self, ray, except, Wanted::Nearest));
+        found.map(|(t, node)| Hit { t, id: self.ids[node as usize], node })
     }
 
     /// See [`crate::structure::Structure::occluded`].
     pub fn occluded(&self, ray: &Ray, except: Option<u32>) -> bool {
-        let mut found = false;
-        dispatch!(Level::new(), simd => walk(simd, self, ray, except, Wanted::Any(&mut found)));
-        found
+        dispatch!(Level::new(), simd => walk(simd, self, ray, except, Wanted::Any)).is_some()
     }
 }
 
-/// What a walk looks for, and where it puts it.
-enum Wanted<'a> {
-    Nearest(&'a mut Option<Hit>),
-    Any(&'a mut bool),
+/// What a walk looks for.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Wanted {
+    Nearest,
+    Any,
+}
+
+/// A subtree that is still to be walked: where the ray enters its box, above the subtree's place. In order of their numbers the
+/// nearest comes first, so that sorting needs no branches.
+#[derive(Clone, Copy)]
+struct Entry(u64);
+
+/// Places in a level of the hierarchy, of which leaves have the most: 2^32 particles in leaves of sixteen.
+const INDEX_BITS: u32 = 28;
+
+impl Entry {
+    /// `near` is not negative.
+    #[inline(always)]
+    fn new(near: f32, place: Place) -> Self {
+        let place = u32::from(place.level) << INDEX_BITS | place.index;
+        Self(u64::from(near.to_bits()) << 32 | u64::from(place))
+    }
+
+    #[inline(always)]
+    fn near(self) -> f32 {
+        f32::from_bits((self.0 >> 32) as u32)
+    }
+
+    #[inline(always)]
+    fn place(self) -> Place {
+        let place = self.0 as u32;
+        Place { index: place & ((1 << INDEX_BITS) - 1), level: (place >> INDEX_BITS) as u8 }
+    }
 }
 
 /// More entries than the deepest hierarchy of 2^32 particles can leave on the stack.
-const STACK: usize = 128;
+const STACK: usize = LEVELS * WIDTH;
 
+/// Distance and node of the first particle that the ray enters, or of any.
 #[simd]
-fn walk<S: Simd>(simd: S, bvh: &Bvh, ray: &Ray, except: Option<u32>, mut wanted: Wanted) {
-    let Some(root) = bvh.root() else { return };
-    let inv_direction = ray.inv_direction();
+fn walk<S: Simd>(simd: S, bvh: &Bvh, ray: &Ray, except: Option<u32>, wanted: Wanted) -> Option<(f32, u32)> {
+    let slabs = Slabs::new(simd, bvh, ray);
+    let mut best: Option<(f32, u32)> = None;
     let mut t_far = ray.t_max;
-    let mut stack = [(0.0_f32, root); STACK];
-    let mut top = 1;
-    while top > 0 {
-        top -= 1;
-        let (near, place) = stack[top];
-        if near > t_far {
-            continue;
-        }
+    let mut stack = [Entry(0); STACK];
+    let mut top = 0;
+    let mut next = Entry::new(0.0, bvh.root()?);
+    loop {
+        let place = next.place();
         if place.level == 0 {
             let leaf = place.index as usize;
             let (t, mut met) = enter_leaf(simd, bvh, leaf, ray, t_far);
@@ -53,44 +78,124 @@ fn walk<S: Simd>(simd: S, bvh: &Bvh, ray: &Ray, except: Option<u32>, mut wanted:
             if let Some(except) = except.filter(|&except| except as usize / LEAF == leaf) {
                 met &= !(1 << (except as usize % LEAF));
             }
-            match &mut wanted {
-                Wanted::Any(found) if met != 0 => {
-                    **found = true;
-                    return;
+            while met != 0 {
+                let lane = met.trailing_zeros() as usize;
+                met &= met - 1;
+                let node = (leaf * LEAF + lane) as u32;
+                // Of equally near ones that with the smaller id.
+                let is_nearer = |&(nearest, other): &(f32, u32)| {
+                    t[lane] < nearest
+                        || (t[lane] == nearest && bvh.ids[node as usize] < bvh.ids[other as usize])
+                };
+                if best.as_ref().is_none_or(is_nearer) {
+                    // Clip the ray to the nearest hit: what is behind it is hidden.
+                    t_far = t[lane];
+                    best = Some((t_far, node));
                 }
-                Wanted::Nearest(best) => {
-                    while met != 0 {
-                        let lane = met.trailing_zeros() as usize;
-                        met &= met - 1;
-                        let node = (leaf * LEAF + lane) as u32;
-                        Hit::keep_nearer(best, t[lane], node, &bvh.ids);
-                        // Clip the ray to the nearest hit: what is behind it is hidden.
-                        t_far = t_far.min(t[lane]);
+            }
+            if wanted == Wanted::Any && best.is_some() {
+                return best;
+            }
+        } else {
+            // Meet the eight boxes at once.
+            let (enter, leave) = slabs.cross(simd, bvh.node(place));
+            let enter = enter.max(f32x8::splat(simd, ray.t_min));
+            let leave = leave.min(f32x8::splat(simd, t_far));
+            let mut kept = enter.simd_le(leave).to_bitmask() as u32 & bvh.shown_children(place);
+            if kept != 0 {
+                let near = enter.max(f32x8::splat(simd, 0.0)).to_array();
+                let mut take = || {
+                    let child = kept.trailing_zeros() as usize;
+                    kept &= kept - 1;
+                    (Entry::new(near[child % WIDTH], bvh.child(place, child)), kept)
+                };
+                // The nearest is walked next; the others go onto the stack, the farthest first.
+                let mut left;
+                (next, left) = take();
+                let first = top;
+                while left != 0 {
+                    let mut entry;
+                    (entry, left) = take();
+                    (next, entry) = ordered(next, entry);
+                    for slot in &mut stack[first..top] {
+                        (entry, *slot) = ordered(entry, *slot);
                     }
+                    stack[top] = entry;
+                    top += 1;
                 }
-                Wanted::Any(_) => {}
+                continue;
             }
-            continue;
         }
-        // Meet the eight boxes at once.
-        let (enter, leave) = bvh.node(place).cross(simd, ray, inv_direction, bvh.slack);
-        let enter = enter.max(f32x8::splat(simd, ray.t_min));
-        let leave = leave.min(f32x8::splat(simd, t_far));
-        let mut kept = enter.simd_le(leave).to_bitmask() as u32 & bvh.shown_children(place);
-        let enter = enter.to_array();
-        let first = top;
-        while kept != 0 {
-            let child = kept.trailing_zeros() as usize;
-            kept &= kept - 1;
-            // Insertion sort: far before near, so that the nearest is popped first.
-            let mut slot = top;
-            while slot > first && stack[slot - 1].0 < enter[child] {
-                stack[slot] = stack[slot - 1];
-                slot -= 1;
+        // The next subtree that does not begin behind the nearest hit.
+        loop {
+            if top == 0 {
+                return best;
             }
-            stack[slot] = (enter[child], bvh.child(place, child));
-            top += 1;
+            top -= 1;
+            next = stack[top];
+            if next.near() <= t_far.max(0.0) {
+                break;
+            }
         }
+    }
+}
+
+/// The nearer first.
+#[inline(always)]
+fn ordered(a: Entry, b: Entry) -> (Entry, Entry) {
+    (Entry(a.0.min(b.0)), Entry(a.0.max(b.0)))
+}
+
+/// A ray made ready for boxes: along each axis, where it starts and one over its direction, and how far lower and upper sides give
+/// way to it: by the rounding of what lies there and the slack of the boxes.
+struct Slabs<S: Simd> {
+    origin: Vec3,
+    inv_direction: Vec3,
+    give: Lanes3<f32x16<S>>,
+}
+
+impl<S: Simd> Slabs<S> {
+    #[inline(always)]
+    fn new(simd: S, bvh: &Bvh, ray: &Ray) -> Self {
+        let inv_direction = ray.inv_direction();
+        let Bounds { min, max } = bvh.bounds();
+        // No coordinate of a node lies farther: its 255 steps reach less than twice beyond its boxes.
+        let farthest = (min - ray.origin).abs().max((max - ray.origin).abs()) + 2.0 * (max - min);
+        let give = (HIT_ROUNDING * farthest + bvh.slack) * inv_direction;
+        // The lower side comes earlier where the ray goes up, and later where it goes down.
+        let sides = |give: f32| f32x8::splat(simd, -give).combine(f32x8::splat(simd, give));
+        let give = Lanes3 { x: sides(give.x), y: sides(give.y), z: sides(give.z) };
+        Self { origin: ray.origin, inv_direction, give }
+    }
+
+    /// Where the ray enters and leaves the child boxes, which it meets where the first is not behind the second.
+    #[inline(always)]
+    fn cross(&self, simd: S, node: &Node) -> (f32x8<S>, f32x8<S>) {
+        let Self { origin, inv_direction, give } = self;
+        let x = node.cross_axis(simd, 0, origin.x, inv_direction.x, give.x);
+        let y = node.cross_axis(simd, 1, origin.y, inv_direction.y, give.y);
+        let z = node.cross_axis(simd, 2, origin.z, inv_direction.z, give.z);
+        (x.0.max(y.0).max(z.0), x.1.min(y.1).min(z.1))
+    }
+}
+
+impl Node {
+    /// Where a ray enters and leaves the slabs of the child boxes along one axis, in order; lower and upper sides are moved by `give`.
+    #[inline(always)]
+    fn cross_axis<S: Simd>(
+        &self,
+        simd: S,
+        axis: usize,
+        origin: f32,
+        inv_direction: f32,
+        give: f32x16<S>,
+    ) -> (f32x8<S>, f32x8<S>) {
+        let step = power_of_two(self.exponent[axis]) * inv_direction;
+        let to_corner = (self.corner[axis] - origin) * inv_direction;
+        let steps = floats_of_bytes(simd, &self.steps[axis]);
+        let t = steps.mul_add(f32x16::splat(simd, step), give + f32x16::splat(simd, to_corner));
+        let (lower, upper) = t.split();
+        (lower.min(upper), lower.max(upper))
     }
 }
 
