@@ -188,6 +188,17 @@ impl Structure {
         each_store!(&mut self.store, store => store.show(&tests))
     }
 
+    /// From now on all radii are `scale` times those it was built with; `scale` is finite and not negative.
+    pub fn scale_radii(&mut self, scale: f32) {
+        let none =
+            Store::Brute(Brute { spheres: Vec::new(), radius_scale: 1.0, ids: Vec::new(), shown: None });
+        self.store = match std::mem::replace(&mut self.store, none) {
+            Store::Bvh(bvh) => Store::Bvh(bvh.scaled(scale)),
+            Store::Pkd(pkd) => Store::Pkd(pkd.scaled(scale)),
+            Store::Brute(brute) => Store::Brute(Brute { radius_scale: scale, ..brute }),
+        };
+    }
+
     /// The particle that `ray` enters first, not counting the one at node `except`.
     pub fn intersect(&self, ray: &Ray, except: Option<u32>) -> Option<Hit> {
         each_store!(&self.store, store => store.intersect(ray, except))
@@ -274,7 +285,9 @@ fn arrange<const N: usize>(
 
 /// Tries every particle.
 pub struct Brute {
+    /// Centers, and radii as they were built; `radius_scale` times that is what is seen.
     spheres: Vec<(Vec3, f32)>,
+    radius_scale: f32,
     ids: Vec<u32>,
     /// A bit a particle, where not all are shown.
     shown: Option<Vec<u16>>,
@@ -285,6 +298,7 @@ impl Brute {
         let sphere = |record: &Record<N>| (record.center(), record.radius(radius));
         Self {
             spheres: records.iter().map(sphere).collect(),
+            radius_scale: 1.0,
             ids: records.iter().map(|record| record.id).collect(),
             shown: None,
         }
@@ -303,7 +317,8 @@ impl Brute {
     }
 
     fn sphere(&self, node: u32) -> (Vec3, f32) {
-        self.spheres[node as usize]
+        let (center, radius) = self.spheres[node as usize];
+        (center, self.radius_scale * radius)
     }
 
     fn ids(&self) -> &[u32] {
@@ -311,8 +326,8 @@ impl Brute {
     }
 
     fn bounds(&self) -> Bounds {
-        let boxes =
-            self.spheres.iter().map(|&(center, radius)| Bounds { min: center, max: center }.grown(radius));
+        let spheres = (0..self.ids.len() as u32).map(|node| self.sphere(node));
+        let boxes = spheres.map(|(center, radius)| Bounds { min: center, max: center }.grown(radius));
         boxes.fold(Bounds::EMPTY, Bounds::union)
     }
 
@@ -332,7 +347,8 @@ impl Brute {
     }
 
     fn hits(&self, ray: &Ray, except: Option<u32>) -> impl Iterator<Item = (f32, u32)> {
-        (0u32..).zip(&self.spheres).filter_map(move |(node, &(center, radius))| {
+        (0..self.ids.len() as u32).filter_map(move |node| {
+            let (center, radius) = self.sphere(node);
             let t = enter_sphere(ray, center, radius);
             (t < ray.t_max && except != Some(node) && self.shows(node)).then_some((t, node))
         })

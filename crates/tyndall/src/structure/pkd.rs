@@ -50,9 +50,10 @@ pub struct Pkd {
     center: [Vec<f32>; 3],
     /// Of every node the id.
     ids: Vec<u32>,
-    /// One a node, where radii differ.
+    /// One a node, where radii differ; as they were built, `radius_scale` times that is what is seen.
     radii: Vec<f32>,
     max_radius: f32,
+    radius_scale: f32,
     centers: Bounds,
     slack: f32,
     options: Options,
@@ -125,6 +126,7 @@ impl Pkd {
             ids: order.par_iter().map(|&at| records[at as usize].id).collect(),
             radii,
             max_radius,
+            radius_scale: 1.0,
             centers,
             slack: box_slack(&centers.grown(max_radius)),
             options,
@@ -160,6 +162,12 @@ impl Pkd {
             found
         });
         found
+    }
+
+    /// The same particles with radii `scale` times those that were built.
+    pub(super) fn scaled(self, scale: f32) -> Self {
+        let slack = box_slack(&self.centers.grown(scale * self.max_radius));
+        Self { radius_scale: scale, slack, ..self }
     }
 
     /// Shows the particles that fulfill all tests; without a test all. Returns how many.
@@ -206,7 +214,11 @@ impl Pkd {
 
     /// The box of all particles, each as large as the largest.
     pub fn bounds(&self) -> Bounds {
-        if self.centers.is_empty() { Bounds::EMPTY } else { self.centers.grown(self.max_radius) }
+        if self.centers.is_empty() {
+            Bounds::EMPTY
+        } else {
+            self.centers.grown(self.radius_scale * self.max_radius)
+        }
     }
 
     /// Memory that it takes in bytes, without the ids.
@@ -222,7 +234,7 @@ impl Pkd {
 
     #[inline(always)]
     fn radius(&self, node: usize) -> f32 {
-        if self.radii.is_empty() { self.max_radius } else { self.radii[node] }
+        self.radius_scale * if self.radii.is_empty() { self.max_radius } else { self.radii[node] }
     }
 
     /// Calls `test` for every node whose region the ray crosses, near before far, until it returns true.
@@ -234,8 +246,9 @@ impl Pkd {
         }
         let inv_direction = ray.inv_direction();
         let farthest = (self.centers.center() - ray.origin).abs() + self.centers.extent();
-        let margin =
-            self.max_radius * (1.0 + HIT_ROUNDING) + HIT_ROUNDING * farthest.max_element() + self.slack;
+        let margin = self.radius_scale * self.max_radius * (1.0 + HIT_ROUNDING)
+            + HIT_ROUNDING * farthest.max_element()
+            + self.slack;
 
         let grown = self.centers.grown(margin);
         let (to_min, to_max) =

@@ -119,12 +119,16 @@ pub struct Bvh {
     count: [u32; LEVELS],
     top: u8,
     blocks: Blocks,
+    /// Radii as they were built; `radius_scale` times that is what is seen.
     sizes: Sizes,
+    radius_scale: f32,
     /// Of every particle of the tree the id.
     ids: Vec<u32>,
-    /// By how much boxes are grown against the rounding of decoded coordinates.
+    /// By how much boxes are grown against the rounding of decoded coordinates, and since radii were scaled.
     pub(crate) slack: f32,
     bounds: Bounds,
+    /// What the boxes of the root hold, without the margin of scaled radii.
+    boxes: Bounds,
     packing_error: Option<PackingError>,
     /// Which particles are shown, where that is not all.
     shown: Option<Shown>,
@@ -165,14 +169,28 @@ impl Bvh {
     /// The radii of a leaf's particles.
     #[inline(always)]
     pub(crate) fn radii<S: Simd>(&self, simd: S, leaf: usize) -> f32x16<S> {
-        self.sizes.radii(simd, leaf)
+        self.sizes.radii(simd, leaf) * f32x16::splat(simd, self.radius_scale)
     }
 
     /// See [`super::Structure::sphere`]: a node is a leaf's place, times sixteen, plus the particle's place therein.
     #[inline(always)]
     pub fn sphere(&self, node: u32) -> (Vec3, f32) {
         let (leaf, place) = (node as usize / LEAF, node as usize % LEAF);
-        (self.blocks.center(leaf, place), self.sizes.radius(leaf, place))
+        (self.blocks.center(leaf, place), self.radius_scale * self.sizes.radius(leaf, place))
+    }
+
+    /// The same particles with radii `scale` times those that were built. One radius for all moves all boxes alike, by a margin that
+    /// walks add; where radii differ, boxes are found anew.
+    pub(in crate::structure) fn scaled(self, scale: f32) -> Self {
+        let built = Self { radius_scale: scale, ..self };
+        let Sizes::Uniform(radius) = built.sizes else {
+            let Self { blocks, sizes, ids, shown, packing_error, .. } = built;
+            return Self { shown, packing_error, ..Self::over(blocks, sizes, ids, scale) };
+        };
+        let grown = (scale - 1.0) * radius;
+        let bounds = built.boxes.grown(grown);
+        let slack = box_slack(&built.boxes.union(bounds)) + grown;
+        Self { bounds, slack, ..built }
     }
 
     /// The ids, by node.
