@@ -1,10 +1,12 @@
 //! From a scene to a picture: passes of samples into a film.
 //!
-//! [`Renderer::pass`] adds up to sixteen samples to every pixel; [`Renderer::image`] is the picture so far. The same settings
+//! [`Renderer::pass`] adds up to sixteen samples to every pixel; [`Renderer::image`] is the picture so far; [`Interactive`] keeps a scene that
+//! changes. The same settings
 //! give the same picture, bit for bit, whatever the number of threads and the width of SIMD.
 
 pub mod cpu;
 pub mod estimate;
+pub mod interactive;
 pub mod medium;
 mod sampling;
 mod shade;
@@ -14,7 +16,8 @@ use crate::film::Image;
 use crate::progress::Progress;
 use crate::scene::Scene;
 use crate::scene::camera::{Camera, View};
-use cpu::Film;
+use cpu::{Film, Samples};
+pub use interactive::Interactive;
 
 /// The knobs of a picture.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -35,6 +38,20 @@ impl Default for Settings {
     }
 }
 
+impl Settings {
+    /// Fails with [`Error::Setting`] if a knob is out of range.
+    fn check(&self) -> Result<()> {
+        let Self { width, height, samples, .. } = *self;
+        if !(1..=65536).contains(&width) || !(1..=65536).contains(&height) {
+            return Err(Error::setting("size", format!("{width}x{height}"), "1x1 to 65536x65536 pixels"));
+        }
+        if samples == 0 {
+            return Err(Error::setting("samples", samples, "at least 1 a pixel"));
+        }
+        Ok(())
+    }
+}
+
 /// Renders one picture, pass by pass.
 pub struct Renderer<'a> {
     scene: &'a Scene,
@@ -48,13 +65,8 @@ pub struct Renderer<'a> {
 impl<'a> Renderer<'a> {
     /// A picture without samples yet. Fails with [`Error::Setting`] if a knob or the camera is out of range.
     pub fn new(scene: &'a Scene, camera: &Camera, settings: &Settings) -> Result<Self> {
-        let Settings { width, height, samples, .. } = *settings;
-        if !(1..=65536).contains(&width) || !(1..=65536).contains(&height) {
-            return Err(Error::setting("size", format!("{width}x{height}"), "1x1 to 65536x65536 pixels"));
-        }
-        if samples == 0 {
-            return Err(Error::setting("samples", samples, "at least 1 a pixel"));
-        }
+        settings.check()?;
+        let Settings { width, height, .. } = *settings;
         let view = camera.view(scene.structure().origin(), width, height)?;
         let film = Film::new(width, height);
         let level = fearless_simd::Level::new();
@@ -72,24 +84,18 @@ impl<'a> Renderer<'a> {
         self.samples_done >= self.settings.samples
     }
 
-    /// Adds up to sixteen samples to every pixel. Fails only when interrupted; the film is then incomplete.
+    /// Adds up to sixteen samples to every pixel. Fails only when interrupted; some parts of the picture then have them, and the next pass
+    /// goes on with the others.
     pub fn pass(&mut self, progress: &dyn Progress) -> Result<()> {
-        let left = self.settings.samples - self.samples_done;
-        let count = match left {
-            0 => return Ok(()),
-            1..4 => 1,
-            4..16 => 4,
-            _ => 16,
-        };
-        let added = cpu::Samples {
-            seed: self.settings.seed,
-            first: self.samples_done,
-            count,
-            centered: self.settings.samples == 1,
+        let Some(added) = Samples::after(self.samples_done, self.settings.samples, self.settings.seed) else {
+            return Ok(());
         };
         let pass = self.film.pass(self.scene, self.view, added);
         cpu::for_each_tile(&mut self.film, &pass, self.level, progress);
-        self.samples_done += count;
+        if !self.film.has(added.first + added.count) {
+            return Err(Error::Interrupted);
+        }
+        self.samples_done += added.count;
         if progress.cancelled() { Err(Error::Interrupted) } else { Ok(()) }
     }
 
@@ -98,6 +104,7 @@ impl<'a> Renderer<'a> {
         let Settings { width, height, .. } = self.settings;
         self.view = camera.view(self.scene.structure().origin(), width, height)?;
         self.samples_done = 0;
+        self.film.clear();
         Ok(())
     }
 
@@ -110,7 +117,7 @@ impl<'a> Renderer<'a> {
 
     /// Writes the picture of the samples so far, whatever `image` was before.
     pub fn image_into(&self, image: &mut Image) {
-        self.film.image_into(self.scene, self.samples_done, image);
+        self.film.image_into(self.scene, image);
     }
 }
 

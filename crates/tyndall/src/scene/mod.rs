@@ -61,6 +61,16 @@ impl Scene {
         self.structure
     }
 
+    /// Gives the particles other colors, which stand by id.
+    pub fn recolor(&mut self, colors: ParticleColors) {
+        self.colors = colors.arranged(self.structure.ids());
+    }
+
+    /// Scales all radii: see [`Structure::scale_radii`].
+    pub fn scale_radii(&mut self, scale: f32) {
+        self.structure.scale_radii(scale);
+    }
+
     /// The color of the particle at `node`: linear RGB, 0 to 1.
     #[inline(always)]
     pub(crate) fn color(&self, node: u32) -> [f32; 3] {

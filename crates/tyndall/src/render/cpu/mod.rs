@@ -3,6 +3,7 @@
 //! A film tile of 32 x 32 pixels is the unit of work. A pass finds what its rays meet (the tile sample buffer of `tiles` for the
 //! hierarchy, a ray each for other structures), then lights it, sixteen neighboring pixels at a time.
 
+mod films;
 mod lighting;
 mod pass;
 mod shadows;
@@ -22,6 +23,7 @@ use crate::scene::light::Lighting;
 use crate::simd::Lanes3;
 use crate::structure::Store;
 use bytemuck::Zeroable;
+pub(crate) use films::Films;
 use lighting::Surface;
 use pass::PATTERN;
 pub(crate) use pass::{Pass, Samples};
@@ -37,6 +39,8 @@ struct FilmTile {
     /// Place in pixels of the upper left corner.
     x: u32,
     y: u32,
+    /// How many samples each of its pixels has.
+    samples: u32,
     /// Sum of the light of samples that met a particle, and their number.
     sum: [[f32; 4]; FILM_PIXELS],
     /// What the sample nearest the pixel's center met.
@@ -51,15 +55,31 @@ pub(crate) struct Film {
     tiles: Vec<FilmTile>,
     /// Squared distance from the pixel's center of the sample nearest it, by the pixel's place in the pattern of samples.
     nearest_sq: [f32; PATTERN * PATTERN],
+    /// The first sample of the pass begun last, and what was known then.
+    begun: (u32, [f32; PATTERN * PATTERN]),
 }
 
 impl Film {
-    /// What a pass over this film has to know of the samples before it.
+    /// What a pass over this film has to know of the samples before it. A pass that was interrupted can be begun again: it goes on with
+    /// the tiles that are left.
     pub(crate) fn pass<'a>(&mut self, scene: &'a Scene, view: View, added: Samples) -> Pass<'a> {
         if added.first == 0 {
             self.nearest_sq.fill(f32::INFINITY);
+        } else if added.first == self.begun.0 {
+            self.nearest_sq = self.begun.1;
         }
+        self.begun = (added.first, self.nearest_sq);
         Pass::new(scene, view, added, &mut self.nearest_sq)
+    }
+
+    /// Forgets all samples.
+    pub(crate) fn clear(&mut self) {
+        self.tiles.iter_mut().for_each(|tile| tile.samples = 0);
+    }
+
+    /// Whether every pixel has at least so many samples.
+    pub(crate) fn has(&self, samples: u32) -> bool {
+        self.tiles.iter().all(|tile| tile.samples >= samples)
     }
 
     /// Without samples. Tiles lie along a Morton curve, so that neighbors in time are neighbors in the picture.
@@ -77,19 +97,25 @@ impl Film {
         for (tile, (x, y)) in tiles.iter_mut().zip(corners) {
             (tile.x, tile.y) = (x * FILM_EDGE as u32, y * FILM_EDGE as u32);
         }
-        Self { width, height, tiles, nearest_sq: [f32::INFINITY; PATTERN * PATTERN] }
+        let nearest_sq = [f32::INFINITY; PATTERN * PATTERN];
+        Self { width, height, tiles, nearest_sq, begun: (0, nearest_sq) }
     }
 
-    /// Writes the mean of `samples` samples a pixel, over the scene's background.
-    pub(crate) fn image_into(&self, scene: &Scene, samples: u32, image: &mut Image) {
+    /// Writes the mean of the samples of each pixel, over the scene's background; nothing but background where there are none.
+    pub(crate) fn image_into(&self, scene: &Scene, image: &mut Image) {
+        image.resize(self.width, self.height);
+        if !self.has(1) {
+            image.color.fill(scene.background.map_or([0.0; 4], |[r, g, b]| [r, g, b, 1.0]));
+            image.depth.fill(f32::INFINITY);
+            image.id.fill(-1);
+        }
+        self.draw_over(scene, image);
+    }
+
+    /// Writes the same into `image`, which has its size, but leaves pixels without samples as they are.
+    pub(crate) fn draw_over(&self, scene: &Scene, image: &mut Image) {
         let width = self.width as usize;
-        let pixels = width * self.height as usize;
-        (image.width, image.height) = (self.width, self.height);
-        image.color.resize(pixels, [0.0; 4]);
-        image.depth.resize(pixels, f32::INFINITY);
-        image.id.resize(pixels, -1);
-        let inv_samples = if samples == 0 { 0.0 } else { 1.0 / samples as f32 };
-        let mean = |sum: [f32; 4]| {
+        let mean = |sum: [f32; 4], inv_samples: f32| {
             let [r, g, b, count] = sum.map(|sum| sum * inv_samples);
             match scene.background {
                 Some(back) => {
@@ -100,7 +126,7 @@ impl Film {
             }
         };
         let mut rows: Vec<Vec<&FilmTile>> = vec![Vec::new(); self.height.div_ceil(FILM_EDGE as u32) as usize];
-        for tile in &self.tiles {
+        for tile in self.tiles.iter().filter(|tile| tile.samples > 0) {
             rows[tile.y as usize / FILM_EDGE].push(tile);
         }
         let stretch = FILM_EDGE * width;
@@ -111,13 +137,14 @@ impl Film {
         );
         columns.into_par_iter().zip(rows).for_each(|((color, depth, id), tiles)| {
             for tile in tiles {
+                let inv_samples = 1.0 / tile.samples as f32;
                 let columns = FILM_EDGE.min(width - tile.x as usize);
                 // Neighboring pixels often show the same particle.
                 let mut last = (u32::MAX, 0);
                 for (row, pixels) in (0..color.len() / width).zip((0..).step_by(FILM_EDGE)) {
                     for (at, pixel) in (row * width + tile.x as usize..).zip(pixels..pixels + columns) {
-                        color[at] = mean(tile.sum[pixel]);
-                        depth[at] = if samples == 0 { f32::INFINITY } else { tile.depth[pixel] };
+                        color[at] = mean(tile.sum[pixel], inv_samples);
+                        depth[at] = tile.depth[pixel];
                         id[at] = if depth[at] < f32::INFINITY {
                             if tile.node[pixel] != last.0 {
                                 last = (tile.node[pixel], scene.structure().place(tile.node[pixel]) as i64);
@@ -152,10 +179,12 @@ pub(crate) fn for_each_tile(film: &mut Film, pass: &Pass, level: Level, progress
         surfaces: pass.lights.iter().map(|_| Vec::with_capacity(FILM_PIXELS)).collect(),
     };
     film.tiles.par_iter_mut().for_each_init(scratch, |scratch, film_tile| {
-        if progress.cancelled() {
+        // A pass that was interrupted has left some tiles.
+        if film_tile.samples != pass.first || progress.cancelled() {
             return;
         }
         dispatch!(level, simd => render_film_tile(simd, pass, film_tile, scratch));
+        film_tile.samples += pass.samples as u32;
         let columns = (width - film_tile.x).min(FILM_EDGE as u32);
         let rows = (height - film_tile.y).min(FILM_EDGE as u32);
         progress.advance(columns as u64 * rows as u64 * pass.samples as u64);
@@ -164,7 +193,7 @@ pub(crate) fn for_each_tile(film: &mut Film, pass: &Pass, level: Level, progress
 
 #[simd]
 fn render_film_tile<S: Simd>(simd: S, pass: &Pass, film_tile: &mut FilmTile, scratch: &mut Scratch) {
-    if pass.is_first {
+    if pass.first == 0 {
         film_tile.sum = [[0.0; 4]; FILM_PIXELS];
     }
     for y in (0..FILM_EDGE).step_by(pass.tile_px()) {

@@ -29,6 +29,19 @@ pub(crate) struct Samples {
     pub(crate) centered: bool,
 }
 
+impl Samples {
+    /// Those that come after the first `done` of a picture with `all` samples a pixel; none if it has them.
+    pub(crate) fn after(done: u32, all: u32, seed: u32) -> Option<Self> {
+        let count = match all - done {
+            0 => return None,
+            1..4 => 1,
+            4..16 => 4,
+            _ => 16,
+        };
+        Some(Self { seed, first: done, count, centered: all == 1 })
+    }
+}
+
 /// See the module.
 pub(crate) struct Pass<'a> {
     pub(super) scene: &'a Scene,
@@ -44,8 +57,8 @@ pub(crate) struct Pass<'a> {
     /// By lane of a block: which sample it is, and how far its pixel lies in a film tile behind the block's first.
     pub(super) sample: [usize; RAYS],
     pub(super) pixel: [usize; RAYS],
-    /// Whether the film has no samples yet.
-    pub(super) is_first: bool,
+    /// The first of its samples: what the film has before it.
+    pub(super) first: u32,
     /// By the block's place: the lanes that are nearer the centers of their pixels than all samples before.
     pub(super) nearest: Vec<Vec<usize>>,
     /// Light directions by sample, the same for all pixels.
@@ -102,7 +115,7 @@ impl<'a> Pass<'a> {
             _ => Vec::new(),
         };
         Self {
-            is_first: added.first == 0,
+            first: added.first,
             scene,
             view,
             samples,
