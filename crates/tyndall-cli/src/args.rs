@@ -10,6 +10,7 @@ use tyndall::scene::colormap::Colormap;
 use tyndall::scene::select::{Clip, Filter};
 use tyndall::scene::viewpoint::Side;
 
+use crate::culling::CullingArgs;
 use crate::medium::args::Medium;
 use crate::values::{Background, Degrees, Ortho, Size, Slice, count, length, point};
 
@@ -285,6 +286,8 @@ pub(crate) struct Method {
     /// Says how much memory and time it would take, and stops
     #[arg(long)]
     pub(crate) dry_run: bool,
+    #[command(flatten)]
+    pub(crate) culling: CullingArgs,
 }
 
 /// Which structure finds what a ray meets.
@@ -296,10 +299,16 @@ pub(crate) struct StructureArgs {
     /// Bits of a coordinate in a leaf of bvh, less memory for small errors that are measured and told: exact 16 11 8
     #[arg(long, value_name = "BITS", default_value = "exact")]
     pub(crate) pack: Pack,
-    /// How pkd chooses the axis of a node
+    /// Particles in a treelet, at most: 16 to 4096
+    #[arg(long, value_name = "COUNT", default_value = "64", value_parser = clap::value_parser!(u32).range(16..=4096))]
+    pub(crate) treelet_size: u32,
+    /// Where particles are cut in two until they are treelets: at their median, or in the middle of the space they take
+    #[arg(long, value_name = "CUT", default_value = "median")]
+    pub(crate) treelet_cut: TreeletCut,
+    /// How pkd and treelets choose the axis of a node
     #[arg(long, value_name = "AXIS", default_value = "widest")]
     pub(crate) pkd_axis: PkdAxis,
-    /// When pkd tests a node's own particle: before its children, or after the near one
+    /// When pkd and treelets test a node's own particle: before its children, or after the near one
     #[arg(long, value_name = "ORDER", default_value = "node")]
     pub(crate) pkd_order: PkdOrder,
 }
@@ -335,8 +344,18 @@ pub(crate) enum StructureName {
     Bvh,
     /// A balanced k-d tree in place
     Pkd,
+    /// Wide nodes over small k-d trees in place
+    Treelets,
     /// Tries every particle: slow, for comparison
     Brute,
+}
+
+#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum TreeletCut {
+    /// Half of the particles on each side: treelets are full
+    Median,
+    /// Half of the space on each side: treelets are of any size
+    Middle,
 }
 
 #[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -396,6 +415,8 @@ pub(crate) struct Bench {
 pub(crate) enum BenchWhat {
     /// Primary visibility and the default look at 800x800
     Spheres,
+    /// Memory, building and single rays of every structure, treelets of five sizes and both cuts
+    Structures,
     /// Density, light and march, as in the tables of Cha, Son and Ihm 2009
     Medium,
 }

@@ -3,16 +3,18 @@
 //! 800x800 pixels; the unit cube seen from an oblique direction, z up; orthographic of height 1.8, and perspective of 30 degrees
 //! from 3.5. One sample: median of 5. Sixteen: median of 3. All samples count, also those that meet nothing. Pictures are made
 //! again and again in the same memory, as a viewer makes them; one before those that count. `AO` is one ray a sample to the sky, the
-//! default look has one to the key light as well. Single rays are asked of `bvh` and of `pkd` over the same particles.
+//! default look has one to the key light as well. Single rays are asked of `bvh` and of `pkd` over the same particles; `structures`
+//! asks all.
 
 mod rays;
+mod structures;
 mod table;
 
 use std::time::Instant;
 
 use glam::DVec3;
 use serde_json::json;
-use tyndall::math::Ray;
+use tyndall::math::{Bounds, Ray};
 use tyndall::render::estimate::Work;
 use tyndall::render::{Renderer, Settings};
 use tyndall::scene::camera::{Camera, Projection};
@@ -20,7 +22,7 @@ use tyndall::scene::color::ParticleColors;
 use tyndall::scene::light::{KeyLight, Lighting};
 use tyndall::scene::{Scene, automatic};
 use tyndall::structure::{Kind, Structure, pkd};
-use tyndall::{Image, synthetic};
+use tyndall::{Image, Vec3, synthetic};
 
 use crate::args;
 use crate::bench_medium;
@@ -58,18 +60,16 @@ const RAYS: [&str; 9] = [
 
 /// Measures every set at every count.
 pub(crate) fn run(args: &args::Bench, report: &Report) -> Outcome<()> {
-    if args.what == args::BenchWhat::Medium {
-        return bench_medium::run(report);
+    if args.what != args::BenchWhat::Medium {
+        let threads = rayon::current_num_threads();
+        report.note(format_args!("tyndall {}, {threads} threads", env!("CARGO_PKG_VERSION")));
     }
-    let threads = rayon::current_num_threads();
-    report.note(format_args!("tyndall {}, {threads} threads", env!("CARGO_PKG_VERSION")));
-    let mut bench = Bench {
-        args,
-        report,
-        kind: structure::kind(&args.structure)?,
-        pictures: Table::new(&PICTURES),
-        rays: Table::new(&RAYS),
-    };
+    match args.what {
+        args::BenchWhat::Spheres => {}
+        args::BenchWhat::Structures => return structures::run(args, report),
+        args::BenchWhat::Medium => return bench_medium::run(report),
+    }
+    let mut bench = Bench::new(args, report)?;
     for &count in &args.n {
         for set in &args.sets {
             bench.measure(set, count)?;
@@ -102,7 +102,13 @@ fn names(set: &str, count: usize, camera: &str) -> Names {
     [Cell::Word(set.into()), Cell::Count(count), Cell::Word(camera.into())]
 }
 
-impl Bench<'_> {
+impl<'a> Bench<'a> {
+    /// Without rows yet.
+    fn new(args: &'a args::Bench, report: &'a Report) -> Outcome<Self> {
+        let kind = structure::kind(&args.structure)?;
+        Ok(Self { args, report, kind, pictures: Table::new(&PICTURES), rays: Table::new(&RAYS) })
+    }
+
     /// Builds once and renders with each camera and light; then single rays.
     fn measure(&mut self, set: &str, count: u64) -> Outcome<()> {
         let work = Work::of_count(count, self.kind, self.settings(1));
@@ -145,7 +151,7 @@ impl Bench<'_> {
         }
         match self.kind {
             Kind::Bvh(_) => self.measure_rays(set, scene.into_structure()),
-            Kind::Pkd(_) | Kind::Brute => Ok(()),
+            Kind::Pkd(_) | Kind::Treelets(_) | Kind::Brute => Ok(()),
         }
     }
 
@@ -156,7 +162,8 @@ impl Bench<'_> {
         for (_, projection) in PROJECTIONS {
             sets.push(rays::coherent(&camera(projection).view(bvh.origin(), width, height)?, width, height));
         }
-        sets.push(rays::incoherent(bvh.origin()));
+        let cube = Bounds { min: Vec3::ZERO, max: Vec3::ONE };
+        sets.push(rays::incoherent(&cube.moved(-bvh.origin().as_vec3())));
         let rates = |structure: &Structure| -> Vec<f64> {
             sets.iter().map(|rays| rays::rate(structure, rays)).collect()
         };
@@ -184,7 +191,12 @@ impl Bench<'_> {
     }
 
     fn settings(&self, samples: u32) -> Settings {
-        Settings { width: self.args.size.width, height: self.args.size.height, samples, seed: 0 }
+        Settings {
+            width: self.args.size.width,
+            height: self.args.size.height,
+            samples,
+            ..Settings::default()
+        }
     }
 
     /// The median time of `runs` pictures in the same memory.
@@ -212,9 +224,14 @@ const PROJECTIONS: [(&str, Projection); 2] = [
     ("perspective", Projection::Perspective { vertical_angle: std::f64::consts::PI / 6.0 }),
 ];
 
+/// Of the unit cube.
 fn camera(projection: Projection) -> Camera {
-    let look_at = DVec3::splat(0.5);
-    let eye = look_at + 3.5 * DVec3::new(0.80, 0.55, 0.45).normalize();
+    camera_of(projection, DVec3::splat(0.5), 1.0)
+}
+
+/// Of what is `size` wide around `look_at`.
+fn camera_of(projection: Projection, look_at: DVec3, size: f64) -> Camera {
+    let eye = look_at + 3.5 * size * DVec3::new(0.80, 0.55, 0.45).normalize();
     Camera { eye, look_at, up: DVec3::Z, projection }
 }
 

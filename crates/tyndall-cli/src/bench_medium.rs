@@ -192,7 +192,7 @@ impl<'a> Lit<'a> {
         let spacing = Some(edge);
         let (single, _) = self.lit(spacing, Multiple::None)?;
         let (tracing, stored) = self.photons()?;
-        let by_photons = Multiple::Photons(photon_settings(), Radius::Fixed(radius));
+        let by_photons = Multiple::Photons(photon_settings(), Radius::Fixed(radius), 1);
         let (with_photons, _) = self.lit(spacing, by_photons)?;
         let (with_sweeps, _) = self.lit(spacing, Multiple::Sweeps)?;
         let size = (extent / edge).to_array().map(|it| it.round() as u32);
@@ -243,5 +243,11 @@ impl<'a> Lit<'a> {
 }
 
 fn photon_settings() -> photons::Settings {
-    photons::Settings { count: PHOTONS, seed: 1, free_path: FreePath::Delta, stored: Stored::Multiple }
+    photons::Settings {
+        count: PHOTONS,
+        seed: 1,
+        free_path: FreePath::Delta,
+        stored: Stored::Multiple,
+        memory_bytes: None,
+    }
 }

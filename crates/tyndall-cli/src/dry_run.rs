@@ -3,6 +3,7 @@
 use tyndall::Error;
 use tyndall::render::estimate::Work;
 
+use crate::medium::estimate;
 use crate::report::{Outcome, Report, bytes, seconds};
 
 /// Refuses work that needs more than `needed_bytes` of the memory that is free, or of `limit`.
@@ -35,6 +36,35 @@ pub(crate) fn tell(work: &Work, pictures: usize, report: &Report) -> Outcome<()>
         count => format!("about {} a picture, {} for {count}", seconds(each), seconds(each * count as f64)),
     };
     report.out(&format!("dry run: memory {needed}{available}; time without reading {time} on {threads} threads, up to ten times that if most particles are smaller than a pixel; nothing written\n"))
+}
+
+/// Says what pictures of a medium would cost; fails if the memory is less than that.
+pub(crate) fn tell_medium(
+    work: &estimate::Work,
+    pictures: usize,
+    available_bytes: Option<u64>,
+    report: &Report,
+) -> Outcome<()> {
+    let threads = rayon::current_num_threads();
+    let needed_bytes = work.memory_bytes();
+    if let Some(available_bytes) = available_bytes.filter(|&free| needed_bytes > free) {
+        let [x, y, z] = work.lattice.size;
+        return Err(Error::Memory {
+            what: format!("a medium of {x}x{y}x{z} samples in light"),
+            needed_bytes,
+            available_bytes,
+            hint: "try a smaller --grid or --size, or fewer --photons".into(),
+        }
+        .into());
+    }
+    let available = available_bytes.map_or(String::new(), |free| format!(" of {} available", bytes(free)));
+    let [first, further] = work.seconds(threads);
+    let all = match pictures {
+        1 => String::new(),
+        count => format!(", {} for {count} views of it", seconds(first + further * (count - 1) as f64)),
+    };
+    let [x, y, z] = work.lattice.size;
+    report.out(&format!("dry run: grid {x}x{y}x{z}; memory at most {}{available}; time without reading about {}{all} on {threads} threads, give or take three times; nothing written\n", bytes(needed_bytes), seconds(first)))
 }
 
 /// Memory that may be taken without swapping, where the system tells: what is free, and what the process may have.

@@ -14,7 +14,7 @@ use crate::{dry_run, input, json};
 
 /// Describes a frame.
 pub(crate) fn run(args: &args::Info, report: &Report) -> Outcome<()> {
-    let settings = Settings { width: 1, height: 1, samples: 1, seed: 0 };
+    let settings = Settings { width: 1, height: 1, samples: 1, ..Settings::default() };
     let work = Work::of_count(input::known_count(&args.input.files)?, Kind::Brute, settings);
     dry_run::check_memory(&work, work.memory_bytes(), None)?;
     let sequence = input::open(&args.input, report)?;

@@ -6,6 +6,7 @@ mod args;
 mod bench;
 mod bench_density;
 mod bench_medium;
+mod culling;
 mod dry_run;
 mod help;
 mod info;

@@ -7,6 +7,8 @@ use std::time::{SystemTime, UNIX_EPOCH};
 use tyndall::render::Settings;
 use tyndall_io::Sequence;
 
+use crate::culling;
+
 /// Keys and texts of one picture.
 pub(crate) fn entries(
     sequence: &Sequence,
@@ -31,13 +33,14 @@ pub(crate) fn of_scene(path: &Path, settings: &Settings, guesses: &[String]) -> 
 
 fn common(paths: &[&Path], settings: &Settings, guesses: &[String]) -> Vec<(String, String)> {
     let inputs: Vec<String> = paths.iter().map(|path| input(path)).collect();
-    let Settings { width, height, samples, seed } = settings;
+    let Settings { width, height, samples, seed, culling } = settings;
+    let culling = culling::description(culling);
     let entries = [
         ("Software", format!("Tyndall {}", env!("CARGO_PKG_VERSION"))),
         ("Command", command_line()),
         ("Inputs", inputs.join("\n")),
         ("Seed", seed.to_string()),
-        ("Settings", format!("{width}x{height} pixels, {samples} samples, seed {seed}")),
+        ("Settings", format!("{width}x{height} pixels, {samples} samples, seed {seed}, {culling}")),
         ("Guesses", guesses.join("\n")),
     ];
     entries.into_iter().map(|(key, text)| (key.to_string(), text)).collect()

@@ -6,7 +6,7 @@ use tyndall::Error;
 
 use crate::args;
 use crate::output::Pattern;
-use crate::report::{Failure, Outcome, Report};
+use crate::report::{Failure, Outcome, Report, counted};
 use crate::values::{Degrees, frame as frame_number};
 
 /// One picture to be made.
@@ -67,4 +67,59 @@ pub(crate) fn pictures(
         Picture { frame, path, turn: angle * place as f64 / pictures as f64 }
     };
     Ok((0..pictures).map(picture).collect())
+}
+
+/// Makes the pictures frame by frame with `of_frame`, and counts what failed: a frame that fails does not stop the others.
+///
+/// `of_frame` gets the frame, its pictures, what it keeps of the first frame, and how many pictures were written, to which it adds.
+/// With `skip_existing` pictures that are there are left; the first frame is read even then, without pictures: what is guessed from it
+/// must not change.
+pub(crate) fn each_frame<K>(
+    pictures: &[Picture],
+    skip_existing: bool,
+    report: &Report,
+    mut of_frame: impl FnMut(usize, &[&Picture], &mut Option<K>, &mut usize) -> Outcome<()>,
+) -> Outcome<()> {
+    let (mut written, mut skipped, mut failures) = (0, 0, Vec::new());
+    let mut kept: Option<K> = None;
+    let mut left = pictures;
+    while let Some(first) = left.first() {
+        // Pictures of one frame follow each other: it is read once.
+        let same = left.iter().take_while(|it| it.frame == first.frame).count();
+        let (now, later) = left.split_at(same);
+        left = later;
+        let wanted: Vec<&Picture> = now.iter().filter(|it| !(skip_existing && it.path.exists())).collect();
+        skipped += same - wanted.len();
+        if wanted.is_empty() && (kept.is_some() || left.is_empty()) {
+            continue;
+        }
+        match of_frame(first.frame, &wanted, &mut kept, &mut written) {
+            Ok(()) => {}
+            Err(Failure::Interrupted(_)) => {
+                let text = format!("{written} of {} pictures written", pictures.len() - skipped);
+                return Err(Failure::Interrupted(text));
+            }
+            Err(failure @ Failure::Library(Error::Memory { .. })) => return Err(failure),
+            Err(failure) if pictures.len() == 1 => return Err(failure),
+            Err(failure) => {
+                report.error(&failure);
+                failures.push((first.frame, wanted.len().max(1), failure));
+            }
+        }
+    }
+    if skipped > 0 {
+        report.note(format_args!("note: {} there already", counted(skipped, "picture")));
+    }
+    let Some((frame, _, first)) = failures.first() else { return Ok(()) };
+    let failed: usize = failures.iter().map(|(_, count, _)| count).sum();
+    let text = format!(
+        "{failed} of {} pictures failed, {written} were written (first failure: frame {frame})",
+        pictures.len()
+    );
+    if written + skipped == 0 && failures.iter().all(|(_, _, it)| it.code() == first.code()) {
+        // Nothing was achieved: the reason counts, not that it came often.
+        report.note(format_args!("{text}"));
+        return Err(failures.swap_remove(0).2);
+    }
+    Err(Failure::Partial(text))
 }

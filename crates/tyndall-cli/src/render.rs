@@ -7,7 +7,7 @@ use std::time::Instant;
 
 use tyndall::particles::{Particles, Radii};
 use tyndall::render::estimate::Work;
-use tyndall::render::{Settings, render};
+use tyndall::render::{Culling, Renderer, Settings};
 use tyndall::scene::automatic::{self, Outliers};
 use tyndall::scene::camera::{Camera, VERTICAL_ANGLE};
 use tyndall::scene::color::{ParticleColors, resolve};
@@ -27,7 +27,7 @@ use crate::plan::{self, Picture};
 use crate::report::{Failure, Outcome, Report, counted, seconds};
 use crate::selection::Found;
 use crate::values::{Background, Degrees};
-use crate::{dry_run, input, medium, metadata, progress, structure};
+use crate::{culling, dry_run, input, medium, metadata, progress, structure};
 
 /// Renders what the command line asks for.
 pub(crate) fn run(args: &args::Render, report: &Report) -> Outcome<()> {
@@ -47,7 +47,9 @@ pub(crate) fn run(args: &args::Render, report: &Report) -> Outcome<()> {
     if args.method.dry_run {
         return job.dry_run(&sequence, &pictures);
     }
-    job.pictures_of(&sequence, &pictures)
+    plan::each_frame(&pictures, args.frames.skip_existing, report, |frame, wanted, kept, written| {
+        job.pictures_of_frame(&sequence, frame, wanted, kept, written)
+    })
 }
 
 /// Whether particles are read as a whole or can be read in parts.
@@ -80,7 +82,8 @@ impl<'a> Job<'a> {
     fn new(args: &'a args::Render, report: &'a Report) -> Outcome<Self> {
         let args::Picture { size, samples, seed, background, alpha, .. } = &args.picture;
         let samples = samples.unwrap_or(Settings::default().samples);
-        let settings = Settings { width: size.width, height: size.height, samples, seed: *seed };
+        let culling = culling::culling(&args.method.culling);
+        let settings = Settings { width: size.width, height: size.height, samples, seed: *seed, culling };
         let background = match background.unwrap_or(Background::Color([1.0; 3])) {
             Background::Nothing => None,
             Background::Color(color) => Some(color),
@@ -156,57 +159,6 @@ impl<'a> Job<'a> {
             Structure::stream(parts, parts.origin(), radius, packing, self.report.progress())?;
         input::tell_dropped(dropped, parts.len(), &self.args.input, self.report)?;
         Ok((structure, dropped))
-    }
-
-    /// Makes the pictures frame by frame, and counts what failed.
-    fn pictures_of(&self, sequence: &Sequence, pictures: &[Picture]) -> Outcome<()> {
-        let (mut written, mut skipped, mut failures) = (0, 0, Vec::new());
-        let mut kept: Option<Kept> = None;
-        let mut left = pictures;
-        while let Some(first) = left.first() {
-            // Pictures of one frame follow each other: it is read once.
-            let same = left.iter().take_while(|it| it.frame == first.frame).count();
-            let (now, later) = left.split_at(same);
-            left = later;
-            let wanted: Vec<&Picture> = now.iter().filter(|it| !self.exists(it)).collect();
-            skipped += same - wanted.len();
-            // The first frame is read even if its pictures are there: what is guessed from it must not change.
-            if wanted.is_empty() && (kept.is_some() || left.is_empty()) {
-                continue;
-            }
-            match self.pictures_of_frame(sequence, first.frame, &wanted, &mut kept, &mut written) {
-                Ok(()) => {}
-                Err(Failure::Interrupted(_)) => {
-                    let text = format!("{written} of {} pictures written", pictures.len() - skipped);
-                    return Err(Failure::Interrupted(text));
-                }
-                Err(failure @ Failure::Library(Error::Memory { .. })) => return Err(failure),
-                Err(failure) if pictures.len() == 1 => return Err(failure),
-                Err(failure) => {
-                    self.report.error(&failure);
-                    failures.push((first.frame, wanted.len().max(1), failure));
-                }
-            }
-        }
-        if skipped > 0 {
-            self.report.note(format_args!("note: {} there already", counted(skipped, "picture")));
-        }
-        let Some((frame, _, first)) = failures.first() else { return Ok(()) };
-        let failed: usize = failures.iter().map(|(_, count, _)| count).sum();
-        let text = format!(
-            "{failed} of {} pictures failed, {written} were written (first failure: frame {frame})",
-            pictures.len()
-        );
-        if written + skipped == 0 && failures.iter().all(|(_, _, it)| it.code() == first.code()) {
-            // Nothing was achieved: the reason counts, not that it came often.
-            self.report.note(format_args!("{text}"));
-            return Err(failures.swap_remove(0).2);
-        }
-        Err(Failure::Partial(text))
-    }
-
-    fn exists(&self, picture: &Picture) -> bool {
-        self.args.frames.skip_existing && picture.path.exists()
     }
 
     /// Reads a frame, builds once, and makes its pictures.
@@ -335,7 +287,10 @@ impl<'a> Job<'a> {
             LightLook::Headlight => Lighting::Headlight,
             LightLook::Flat => Lighting::Flat,
         };
-        let image = render(scene, camera, &self.settings, self.report.progress())?;
+        let mut renderer = Renderer::new(scene, camera, &self.settings)?;
+        renderer.finish(self.report.progress())?;
+        let image = renderer.image();
+        culling::tell(&self.settings.culling, &renderer.counts(), self.report);
         match image.shows_nothing() {
             true => Err(Failure::Unseen(why_unseen(scene.structure(), dropped, &view))),
             false => Ok(image),
@@ -396,6 +351,9 @@ impl<'a> Job<'a> {
         guesses.extend(conventions.iter().cloned());
         guesses.extend([radius.to_string(), colors.description.clone(), framing.to_string()]);
         guesses.push(format!("{width}x{height}, {samples} samples"));
+        if self.settings.culling != Culling::default() {
+            guesses.push(culling::description(&self.settings.culling));
+        }
         guesses
     }
 }

@@ -1,9 +1,9 @@
 //! Structures as the command line names them, and what is said about one that is packed.
 
 use tyndall::scene::short;
-use tyndall::structure::{Kind, Packing, PackingError, pkd};
+use tyndall::structure::{Kind, Packing, PackingError, pkd, treelets};
 
-use crate::args::{Pack, PkdAxis, PkdOrder, StructureArgs, StructureName};
+use crate::args::{Pack, PkdAxis, PkdOrder, StructureArgs, StructureName, TreeletCut};
 use crate::report::{Failure, Outcome};
 
 /// The structure that the command line names.
@@ -17,18 +17,27 @@ pub(crate) fn kind(args: &StructureArgs) -> Outcome<Kind> {
     if packing != Packing::Exact && args.structure != StructureName::Bvh {
         return Err(Failure::Usage("--pack is for --structure bvh only — leave one of them out".into()));
     }
+    let heap = pkd::Options {
+        axis: match args.pkd_axis {
+            PkdAxis::Widest => pkd::Axis::WidestExtent,
+            PkdAxis::RoundRobin => pkd::Axis::RoundRobin,
+        },
+        order: match args.pkd_order {
+            PkdOrder::Node => pkd::Order::NodeFirst,
+            PkdOrder::Near => pkd::Order::NearChildFirst,
+        },
+    };
     Ok(match args.structure {
         StructureName::Bvh => Kind::Bvh(packing),
         StructureName::Brute => Kind::Brute,
-        StructureName::Pkd => Kind::Pkd(pkd::Options {
-            axis: match args.pkd_axis {
-                PkdAxis::Widest => pkd::Axis::WidestExtent,
-                PkdAxis::RoundRobin => pkd::Axis::RoundRobin,
+        StructureName::Pkd => Kind::Pkd(heap),
+        StructureName::Treelets => Kind::Treelets(treelets::Options {
+            size: args.treelet_size,
+            cut: match args.treelet_cut {
+                TreeletCut::Median => treelets::Cut::Median,
+                TreeletCut::Middle => treelets::Cut::Middle,
             },
-            order: match args.pkd_order {
-                PkdOrder::Node => pkd::Order::NodeFirst,
-                PkdOrder::Near => pkd::Order::NearChildFirst,
-            },
+            heap,
         }),
     })
 }
@@ -41,6 +50,7 @@ pub(crate) fn name(kind: Kind) -> &'static str {
         Kind::Bvh(Packing::Bits11) => "bvh packed 11 bits",
         Kind::Bvh(Packing::Bits8) => "bvh packed 8 bits",
         Kind::Pkd(_) => "pkd",
+        Kind::Treelets(_) => "treelets",
         Kind::Brute => "brute force",
     }
 }

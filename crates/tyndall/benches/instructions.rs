@@ -7,7 +7,7 @@ mod cube;
 
 use std::hint::black_box;
 
-use tyndall::render::{Settings, render};
+use tyndall::render::{Culling, Settings, render};
 use tyndall::structure::{Kind, Packing, pkd};
 use tyndall::synthetic;
 
@@ -69,7 +69,7 @@ fn perform(law: &str, case: Case) {
     match case {
         Case::Build(kind) => measured(|| drop(black_box(cube::arranged(particles, kind)))),
         Case::Picture { kind, look, samples } => {
-            let settings = Settings { width: EDGE, height: EDGE, samples, seed: 1 };
+            let settings = Settings { width: EDGE, height: EDGE, samples, seed: 1, culling: Culling::Off };
             for projection in [ORTHOGRAPHIC, PERSPECTIVE] {
                 let camera = cube::camera(projection);
                 let scene = cube::scene(cube::arranged(particles.clone(), kind), &camera, look);

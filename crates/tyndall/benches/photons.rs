@@ -50,7 +50,13 @@ fn lights() -> [Light; 2] {
 fn photons(bencher: Bencher, name: &str) {
     let (medium, lights) = (medium(), lights());
     let free_path: FreePath = name.parse().expect("a known name");
-    let settings = photons::Settings { count: 200_000, seed: 1, free_path, stored: Stored::Multiple };
+    let settings = photons::Settings {
+        count: 200_000,
+        seed: 1,
+        free_path,
+        stored: Stored::Multiple,
+        memory_bytes: None,
+    };
     bencher
         .counter(ItemsCount::new(settings.count))
         .bench(|| trace(&medium, &lights, &settings, &()).expect("nobody interrupts"));

@@ -6,7 +6,7 @@ use divan::Bencher;
 use divan::counter::ItemsCount;
 use glam::DQuat;
 use tyndall::math::Ray;
-use tyndall::render::{Interactive, Settings, render};
+use tyndall::render::{Culling, Interactive, Settings, render};
 use tyndall::scene::camera::Projection;
 use tyndall::structure::{Kind, Structure, pkd};
 use tyndall::{DVec3, synthetic};
@@ -35,7 +35,8 @@ fn structure(law: &str, kind: Kind) -> Structure {
 fn picture(bencher: Bencher, law: &str, picture: Picture) {
     let camera = cube::camera(picture.projection);
     let scene = cube::scene(structure(law, picture.kind), &camera, picture.look);
-    let settings = Settings { width: EDGE, height: EDGE, samples: picture.samples, seed: 1 };
+    let settings =
+        Settings { width: EDGE, height: EDGE, samples: picture.samples, seed: 1, culling: Culling::Off };
     bencher
         .counter(ItemsCount::new((EDGE * EDGE * picture.samples) as usize))
         .bench(|| render(&scene, &camera, &settings, &()).expect("valid settings"));
@@ -76,7 +77,7 @@ fn pkd_rays_1(bencher: Bencher, law: &str) {
 fn orbit_800x800(bencher: Bencher, law: &str) {
     let mut camera = cube::camera(PERSPECTIVE);
     let scene = cube::scene(structure(law, Kind::default()), &camera, Look::Headlight);
-    let settings = Settings { width: 800, height: 800, samples: 1, seed: 1 };
+    let settings = Settings { width: 800, height: 800, samples: 1, seed: 1, culling: Culling::default() };
     let mut interactive = Interactive::new(scene, camera, settings).expect("valid settings");
     bencher.counter(ItemsCount::new(1_u32)).bench_local(|| {
         let turned = DQuat::from_rotation_z(6_f64.to_radians()) * (camera.eye - camera.look_at);

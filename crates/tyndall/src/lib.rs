@@ -22,7 +22,8 @@
 //!     up: DVec3::Z,
 //!     projection: Projection::Orthographic { height: 1.8 },
 //! };
-//! let image = render(&scene, &camera, &Settings { width: 64, height: 64, samples: 4, seed: 0 }, &())?;
+//! let settings = Settings { width: 64, height: 64, samples: 4, ..Settings::default() };
+//! let image = render(&scene, &camera, &settings, &())?;
 //! assert!(image.id[64 * 32 + 32] >= 0, "the middle of the picture shows a particle");
 //! # Ok::<(), tyndall::Error>(())
 //! ```

@@ -33,6 +33,11 @@ impl Bounds {
         Self { min: self.min - margin, max: self.max + margin }
     }
 
+    /// The box moved by `offset`.
+    pub fn moved(self, offset: Vec3) -> Self {
+        Self { min: self.min + offset, max: self.max + offset }
+    }
+
     /// Whether the box holds no point.
     pub fn is_empty(&self) -> bool {
         !(self.min.cmple(self.max).all())
@@ -107,4 +112,40 @@ pub fn enter_sphere(ray: &Ray, center: Vec3, radius: f32) -> f32 {
     let half_chord_sq = radius * radius - off_axis_sq;
     let t = closest - half_chord_sq.max(0.0).sqrt();
     if half_chord_sq > 0.0 && ray.t_min < t && t < ray.t_max { t } else { ray.t_max }
+}
+
+/// e^-x for x of at least 0, with a relative error below 4e-7; 0 beyond 87. Without a branch or a call, so that compilers put it on
+/// lanes, and the same on every machine.
+#[inline(always)]
+pub(crate) fn exp_minus(x: f32) -> f32 {
+    // Powers of 2: the whole part goes to the exponent, the rest is at most a half.
+    let power = (-std::f32::consts::LOG2_E * x).max(-125.0);
+    let shifted = power + ROUNDS;
+    let rest = power - (shifted - ROUNDS);
+    let mut sum = 1.540_353_e-4;
+    for coefficient in
+        [1.333_355_8e-3, 9.618_129e-3, 5.550_410_9e-2, 0.240_226_5, std::f32::consts::LN_2, 1.0]
+    {
+        sum = sum * rest + coefficient;
+    }
+    let scaled = f32::from_bits(sum.to_bits().wrapping_add(shifted.to_bits() << 23));
+    if x < 87.0 { scaled } else { 0.0 }
+}
+
+/// Added to a number below 2^22 and subtracted again, it leaves the nearest whole number, whose bits are the sum's last.
+const ROUNDS: f32 = 12_582_912.0;
+
+#[cfg(test)]
+mod tests {
+    use super::exp_minus;
+
+    #[test]
+    fn the_exponential_is_that_of_f64() {
+        for step in 0..200_000 {
+            let x = 4.3e-4 * step as f32;
+            let wanted = (-f64::from(x)).exp();
+            assert!((f64::from(exp_minus(x)) / wanted - 1.0).abs() < 4e-7, "{x}");
+        }
+        assert_eq!((exp_minus(0.0), exp_minus(88.0), exp_minus(f32::INFINITY)), (1.0, 0.0, 0.0));
+    }
 }

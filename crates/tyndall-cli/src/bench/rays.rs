@@ -3,11 +3,11 @@
 use std::time::Instant;
 
 use rayon::prelude::*;
-use tyndall::math::Ray;
+use tyndall::Vec3;
+use tyndall::math::{Bounds, Ray};
 use tyndall::random::Stream;
 use tyndall::scene::camera::View;
 use tyndall::structure::Structure;
-use tyndall::{DVec3, Vec3};
 
 use super::median;
 
@@ -24,12 +24,13 @@ pub(super) fn coherent(view: &View, width: u32, height: u32) -> Vec<Ray> {
     (0..height).flat_map(row).collect()
 }
 
-/// From random points around the unit cube to random points in it, measured from `from`: the law of `benches/embree/spheres.cpp`.
-pub(super) fn incoherent(from: DVec3) -> Vec<Ray> {
+/// From random points around a box to random points in it; of the unit cube the law of `benches/embree/spheres.cpp`.
+pub(super) fn incoherent(bounds: &Bounds) -> Vec<Ray> {
+    let (center, extent) = (bounds.center(), bounds.extent());
     let ray = |number| {
         let mut stream = Stream::new(1, number);
-        let origin = Vec3::splat(0.5) + 2.0 * stream.direction() - from.as_vec3();
-        let target = Vec3::new(stream.unit(), stream.unit(), stream.unit()) - from.as_vec3();
+        let origin = center + 2.0 * extent.max_element() * stream.direction();
+        let target = bounds.min + extent * Vec3::new(stream.unit(), stream.unit(), stream.unit());
         Ray { origin, direction: (target - origin).normalize(), t_min: 0.0, t_max: f32::INFINITY }
     };
     (0..INCOHERENT).map(ray).collect()

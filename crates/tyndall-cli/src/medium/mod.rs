@@ -4,15 +4,19 @@
 //! guessed from the first frame and printed; camera, extinction and lights are kept for all frames, so that nothing jumps.
 
 pub(crate) mod args;
+pub(crate) mod estimate;
 mod picture;
 mod scene_file;
+mod statistics;
 pub(crate) mod values;
 
+use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use clap::ValueEnum;
 use tyndall::medium::density::{self, Resolution, Smoothing, Volume, Weight};
+use tyndall::medium::grid::Lattice;
 use tyndall::medium::light::{Directional, Environment};
 use tyndall::medium::{Grid, Kernel, Light, Medium, Noise, NoiseSettings, Optics, Phase, automatic};
 use tyndall::particles::{Particles, Radii};
@@ -48,13 +52,25 @@ pub(crate) fn run_scene(path: &Path, report: &Report) -> Outcome<()> {
     let job = Job { args: &scene.args, report };
     let pattern = job.start()?;
     let pictures = plan::pictures(job.args, &pattern, 1, report)?;
+    if job.args.medium.statistics.is_some() {
+        return Err(Failure::Usage("--statistics is for particles, not for a grid".into()));
+    }
+    if job.args.method.dry_run {
+        return job.dry_run(&density.lattice(), 0, 0.0, pictures.len());
+    }
     let (medium, scene) = job.scene(density, None, None)?;
     let mut guesses = vec![format!("medium, cpu {} threads", rayon::current_num_threads())];
     guesses.extend(scene.guesses.clone());
     report.note(format_args!("tyndall: {}", guesses.join(" · ")));
     let metadata = metadata::of_scene(path, &job.spheres_settings(), &guesses);
     let pictures: Vec<&plan::Picture> = pictures.iter().collect();
-    job.pictures(&medium, &scene, &pictures, &metadata)
+    let mut written = 0;
+    job.pictures(&medium, &scene, &pictures, &metadata, &mut written).map_err(|failure| match failure {
+        Failure::Interrupted(_) => {
+            Failure::Interrupted(format!("{written} of {} pictures written", pictures.len()))
+        }
+        failure => failure,
+    })
 }
 
 /// Renders what the command line asks for.
@@ -63,21 +79,33 @@ pub(crate) fn run(args: &Render, report: &Report) -> Outcome<()> {
     let pattern = job.start()?;
     let sequence = input::open(&args.input, report)?;
     let pictures = plan::pictures(args, &pattern, sequence.len(), report)?;
-    let mut kept: Option<Scene> = None;
-    let mut left = &pictures[..];
-    while let Some(first) = left.first() {
-        // Pictures of one frame follow each other: its density and its light are found once.
-        let same = left.iter().take_while(|it| it.frame == first.frame).count();
-        let (now, later) = left.split_at(same);
-        left = later;
-        let wanted: Vec<&plan::Picture> =
-            now.iter().filter(|it| !(args.frames.skip_existing && it.path.exists())).collect();
-        // The first frame is read even if its pictures are there: what is guessed from it must not change.
-        if wanted.is_empty() && (kept.is_some() || left.is_empty()) {
-            continue;
-        }
-        let frame = input::read(&sequence, first.frame, &args.input, report)?;
+    if args.method.dry_run {
+        let frame = input::read(&sequence, pictures[0].frame, &args.input, report)?;
+        let particles = &frame.particles;
+        let settings = job.density_settings();
+        let (lattice, bytes) = density::plan(particles, &settings, report.progress())?;
+        let secs = estimate::density_seconds(&settings, &lattice, rayon::current_num_threads());
+        report.note(format_args!(
+            "tyndall: {} · {}",
+            sequence.format(),
+            counted(particles.len(), "particle")
+        ));
+        return job.dry_run(&lattice, bytes, secs, pictures.len());
+    }
+    let statistics = args.medium.statistics.as_deref().map(Pattern::new);
+    let several = pictures.iter().any(|it| it.frame != pictures[0].frame);
+    if several && statistics.as_ref().is_some_and(|it| !it.is_numbered()) {
+        let text = "--statistics of several frames needs a number in the name, such as NAME.%04d.json";
+        return Err(Failure::Usage(text.into()));
+    }
+    plan::each_frame(&pictures, args.frames.skip_existing, report, |number, wanted, kept, written| {
+        let frame = input::read(&sequence, number, &args.input, report)?;
         let density = job.density(&frame.particles)?;
+        if let Some(statistics) = &statistics {
+            let text = statistics::json(&frame.particles, &job.density_settings(), &density);
+            let path = statistics.name(number);
+            write::atomically(&path, |file| file.write_all(text.as_bytes())).map_err(Failure::Output)?;
+        }
         let mut guesses = job.described(&frame.particles, &density);
         let (medium, scene) = job.scene(density.density, Some(&frame.particles), kept.as_ref())?;
         guesses.extend(scene.guesses.clone());
@@ -85,13 +113,10 @@ pub(crate) fn run(args: &Render, report: &Report) -> Outcome<()> {
             report.note(format_args!("tyndall: {}", guesses.join(" · ")));
         }
         let time = frame.particles.time();
-        let metadata = metadata::entries(&sequence, first.frame, time, &job.spheres_settings(), &guesses);
-        if !wanted.is_empty() {
-            job.pictures(&medium, &scene, &wanted, &metadata)?;
-        }
-        kept.get_or_insert(scene);
-    }
-    Ok(())
+        let metadata = metadata::entries(&sequence, number, time, &job.spheres_settings(), &guesses);
+        let scene = kept.insert(scene);
+        if wanted.is_empty() { Ok(()) } else { job.pictures(&medium, scene, wanted, &metadata, written) }
+    })
 }
 
 /// What lights the medium and looks at it: guessed on the first frame and kept.
@@ -118,8 +143,9 @@ struct Job<'a> {
 impl Job<'_> {
     /// Refuses before the work what cannot be; gives the pictures' names.
     fn start(&self) -> Outcome<Pattern> {
-        if self.args.method.dry_run {
-            let text = "--dry-run is for spheres — for a medium, --verbose says what each stage takes";
+        let noise = self.args.medium.noise.or(self.args.medium.density_noise);
+        if noise.is_some() && self.args.medium.method == MethodName::Reference {
+            let text = "--method reference knows no noise — leave out --noise and --density-noise";
             return Err(Failure::Usage(text.into()));
         }
         let Selection { filters, clips } = &self.args.selection;
@@ -132,7 +158,7 @@ impl Job<'_> {
         let grid = Grid::from_dense(Vec3::ZERO, 1.0, [1; 3], &[1.0])?;
         Medium::new(grid, self.optics(self.args.medium.extinction.map_or([0.0; 3], |it| it.0))?)?;
         for light in &self.args.medium.lights {
-            light.light(DVec3::ZERO)?;
+            light.light(DVec3::ZERO, self.up())?;
         }
         self.noise(1.0, DVec3::ZERO).map(Noise::new).transpose()?;
         Ok(pattern)
@@ -145,6 +171,7 @@ impl Job<'_> {
         scene: &Scene,
         pictures: &[&plan::Picture],
         metadata: &[(String, String)],
+        written: &mut usize,
     ) -> Outcome<()> {
         let start = Instant::now();
         let renderer = Renderer::new(self, medium, scene)?;
@@ -158,6 +185,7 @@ impl Job<'_> {
                 ..write::ImageOptions::default()
             };
             renderer.write(&self.view(&camera, scene.origin)?, &picture.path, options)?;
+            *written += 1;
             let since = if place == 0 { start } else { marching };
             let took = seconds(since.elapsed().as_secs_f64());
             self.report.note(format_args!("{}  {took}", picture.path.display()));
@@ -171,7 +199,8 @@ impl Job<'_> {
     /// The settings that are written into the picture.
     fn spheres_settings(&self) -> tyndall::render::Settings {
         let march::Settings { width, height, samples, seed, .. } = self.settings();
-        tyndall::render::Settings { width, height, samples, seed }
+        let culling = tyndall::render::Culling::Off;
+        tyndall::render::Settings { width, height, samples, seed, culling }
     }
 
     fn optics(&self, extinction: [f32; 3]) -> Outcome<Optics> {
@@ -200,15 +229,41 @@ impl Job<'_> {
         Ok(camera.view(origin, width, height)?)
     }
 
-    /// From particles to their density.
-    fn density(&self, particles: &Particles) -> Outcome<Volume> {
+    /// Which direction is up.
+    fn up(&self) -> Vec3 {
+        self.args.camera.up.unwrap_or(DVec3::Z).as_vec3()
+    }
+
+    /// Memory that may be used, if anybody knows.
+    fn memory_bytes(&self) -> Option<u64> {
+        self.args.method.memory.or_else(dry_run::available_bytes)
+    }
+
+    /// Says what the pictures would cost: a density of that lattice, for which so much memory and time is needed, and its light.
+    fn dry_run(&self, lattice: &Lattice, bytes: u64, secs: f64, pictures: usize) -> Outcome<()> {
+        let work = estimate::Work {
+            lattice: *lattice,
+            density_bytes: bytes,
+            density_secs: secs,
+            picture: self.settings(),
+            is_reference: self.args.medium.method == MethodName::Reference,
+            photons: match self.args.medium.cache {
+                CacheName::Photons | CacheName::Off => self.args.medium.photons,
+                CacheName::Sweeps | CacheName::Single => 0,
+            },
+        };
+        dry_run::tell_medium(&work, pictures, self.memory_bytes(), self.report)
+    }
+
+    /// How the density of particles is estimated.
+    fn density_settings(&self) -> density::Settings {
         let args = &self.args.medium;
         let resolution = match (args.voxel, args.grid) {
             (Some(spacing), _) => Resolution::Voxel(spacing),
             (None, Some(samples)) => Resolution::Samples(samples),
             (None, None) => Resolution::Automatic,
         };
-        let settings = density::Settings {
+        density::Settings {
             smoothing: match args.smoothing {
                 SmoothingName::Uniform => Smoothing::Uniform,
                 SmoothingName::TwoPass => Smoothing::TwoPass,
@@ -223,15 +278,22 @@ impl Job<'_> {
             },
             length: args.h0,
             neighbors: args.neighbors,
+            scale: args.correction_scale,
+            further_passes: args.further_passes,
             weight: match args.weight.as_deref() {
                 None => Weight::Automatic,
                 Some("one") => Weight::One,
                 Some(name) => Weight::Attribute(name.into()),
             },
             resolution,
-            memory_bytes: dry_run::available_bytes(),
+            memory_bytes: self.memory_bytes(),
             ..density::Settings::default()
-        };
+        }
+    }
+
+    /// From particles to their density.
+    fn density(&self, particles: &Particles) -> Outcome<Volume> {
+        let settings = self.density_settings();
         let start = Instant::now();
         let volume = density::estimate(particles, &settings, self.report.progress())?;
         self.report.detail(format_args!("density: {}", seconds(start.elapsed().as_secs_f64())));
@@ -313,7 +375,7 @@ impl Job<'_> {
             guesses.push("lit by a sun from the upper left and a sky".into());
             default_lights(&view)?
         } else {
-            args.lights.iter().map(|light| light.light(origin)).collect::<tyndall::Result<_>>()?
+            args.lights.iter().map(|light| light.light(origin, self.up())).collect::<tyndall::Result<_>>()?
         };
         let noise = self.noise(medium.bounds().extent().max_element(), origin);
         if let Some(noise) = &noise {

@@ -53,9 +53,11 @@ impl<'a> Renderer<'a> {
             }
             (_, _, name) => {
                 let multiple = match name {
-                    CacheName::Photons => {
-                        Multiple::Photons(Self::photon_settings(job, Stored::Multiple), args.gather_radius.0)
-                    }
+                    CacheName::Photons => Multiple::Photons(
+                        Self::photon_settings(job, Stored::Multiple),
+                        args.gather_radius.0,
+                        args.photon_passes,
+                    ),
                     CacheName::Single => Multiple::None,
                     CacheName::Sweeps | CacheName::Off => Multiple::Sweeps,
                 };
@@ -77,6 +79,7 @@ impl<'a> Renderer<'a> {
             seed: job.args.picture.seed,
             free_path: args.free_path,
             stored,
+            memory_bytes: job.memory_bytes(),
         }
     }
 

@@ -1,7 +1,7 @@
 //! Scene files: what the command line says, in TOML, with the same names; and a density grid in place of particles.
 //!
 //! Every table but `grid`, `particles` and `light` holds flags by their long names without dashes, such as `eye = [1, 2, 3]` for
-//! `--eye 1,2,3` (the tables' own names are for people). Each `[[light]]` has a kind, `sun`, `point`, `spot` or `sky`, and what the flag
+//! `--eye 1,2,3` (the tables' own names are for people). Each `[[light]]` has a kind, `sun`, `point`, `spot`, `sky` or `image`, and what the flag
 //! `--light` says. `[grid]` names a raw file of samples, `[particles]` files of particles. What the command line says beside the
 //! scene's name counts before the scene. Paths are relative to the scene file.
 
@@ -67,9 +67,10 @@ impl SceneFile {
         let grid = tables.remove("grid").map(Value::try_into::<GridFile>).transpose();
         let grid = grid.map_err(|error| bad(format!("[grid]: {}", error.message())))?;
         let particles = tables.remove("particles").map(|table| files(&table)).transpose().map_err(bad)?;
+        let folder = path.parent().unwrap_or(Path::new("."));
         let mut flags: Vec<OsString> = Vec::new();
         for light in tables.remove("light").as_ref().and_then(Value::as_array).into_iter().flatten() {
-            flags.extend(["--light".into(), light_words(light).map_err(bad)?.into()]);
+            flags.extend(["--light".into(), light_words(light, folder).map_err(bad)?.into()]);
         }
         for (name, table) in &tables {
             let table = table.as_table().ok_or_else(|| bad(format!("'{name}' is no table")))?;
@@ -85,7 +86,6 @@ impl SceneFile {
         let verb = words.iter().position(|word| word == "render").map_or(words.len(), |place| place + 1);
         if let Some(files) = particles {
             words.retain(|word| Path::new(word) != path);
-            let folder = path.parent().unwrap_or(Path::new("."));
             let found = |file: String| {
                 if file.starts_with("synthetic:") { file.into() } else { folder.join(file).into() }
             };
@@ -125,23 +125,28 @@ fn files(table: &Value) -> Result<Vec<String>, String> {
     Ok(list.iter().map(name).collect::<Result<_, _>>()?)
 }
 
-/// What `--light` says, from a table.
-fn light_words(light: &Value) -> Result<String, String> {
+/// What `--light` says, from a table; files are relative to `folder`.
+fn light_words(light: &Value, folder: &Path) -> Result<String, String> {
     let kind = light
         .get("kind")
         .and_then(Value::as_str)
-        .ok_or("[[light]] needs kind = \"sun\", \"point\", \"spot\" or \"sky\"")?;
+        .ok_or("[[light]] needs kind = \"sun\", \"point\", \"spot\", \"sky\" or \"image\"")?;
     let keys: &[&str] = match kind {
         "sun" => &["along", "irradiance"],
         "point" => &["position", "intensity"],
         "spot" => &["position", "along", "angle", "intensity"],
         "sky" => &["radiance"],
-        _ => return Err(format!("no light is called '{kind}': sun, point, spot or sky")),
+        "image" => &["factor", "file"],
+        _ => return Err(format!("no light is called '{kind}': sun, point, spot, sky or image")),
     };
     let mut words = kind.to_string();
-    for key in keys {
-        let value = light.get(key).ok_or_else(|| format!("a light of kind {kind} needs '{key}'"))?;
-        words += &format!(":{}", word(value)?);
+    for &key in keys {
+        words += &match (key, light.get(key)) {
+            ("factor", None) => ":1".into(),
+            ("file", Some(Value::String(file))) => format!(":{}", folder.join(file).display()),
+            (_, Some(value)) => format!(":{}", word(value)?),
+            (_, None) => return Err(format!("a light of kind {kind} needs '{key}'")),
+        };
     }
     let unknown =
         light.as_table().and_then(|it| it.keys().find(|key| *key != "kind" && !keys.contains(&key.as_str())));
@@ -184,10 +189,14 @@ mod tests {
 
     #[test]
     fn lights_are_written_like_the_flag() {
-        let light = |text: &str| light_words(&Value::Table(text.parse().unwrap()));
+        let light = |text: &str| light_words(&Value::Table(text.parse().unwrap()), Path::new("a/b"));
         assert_eq!(light("kind = 'sun'\nalong = [0, -1, 0]\nirradiance = 3.5").unwrap(), "sun:0,-1,0:3.5");
         assert_eq!(light("kind = 'sky'\nradiance = [1, 2, 3]").unwrap(), "sky:1,2,3");
-        for bad in ["", "kind = 'moon'", "kind = 'sky'", "kind = 'sky'\nradiance = 1\ncolor = 2"] {
+        let image = "kind = 'image'\nfile = 'x.hdr'\nfactor = 2";
+        assert_eq!(light(image).unwrap(), "image:2:a/b/x.hdr");
+        for bad in
+            ["", "kind = 'image'", "kind = 'moon'", "kind = 'sky'", "kind = 'sky'\nradiance = 1\ncolor = 2"]
+        {
             assert!(light(bad).is_err(), "{bad}");
         }
     }

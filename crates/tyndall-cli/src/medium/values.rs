@@ -1,11 +1,13 @@
 //! Values of the command line that only a medium has: how each is written, and what is allowed.
 
+use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
 use tyndall::medium::Light;
 use tyndall::medium::light::{Cone, Directional, Environment, Point, Spot};
 use tyndall::render::medium::gather::Radius;
 use tyndall::{Error, Result, Vec3};
+use tyndall_io::read;
 
 /// Reads a number above 0.
 pub(crate) fn positive(text: &str) -> Result<f32> {
@@ -79,8 +81,9 @@ impl FromStr for Gather {
     }
 }
 
-/// A light: `sun:X,Y,Z:E`, `point:X,Y,Z:I`, `spot:X,Y,Z:X,Y,Z:DEGREES:I` or `sky:L`. Positions are in the file's coordinates.
-#[derive(Clone, Copy, Debug, PartialEq)]
+/// A light: `sun:X,Y,Z:E`, `point:X,Y,Z:I`, `spot:X,Y,Z:X,Y,Z:DEGREES:I`, `sky:L`, `image:FILE` or `image:FACTOR:FILE`. Positions are in
+/// the file's coordinates.
+#[derive(Clone, Debug, PartialEq)]
 pub(crate) enum LightSpec {
     /// Where it travels, and its irradiance.
     Sun([f32; 3], [f32; 3]),
@@ -90,12 +93,20 @@ pub(crate) enum LightSpec {
     Spot([f32; 3], [f32; 3], f32, [f32; 3]),
     /// Its radiance.
     Sky([f32; 3]),
+    /// A picture of the sky, and what its radiance is multiplied with.
+    Image([f32; 3], PathBuf),
 }
 
 impl FromStr for LightSpec {
     type Err = Error;
 
     fn from_str(text: &str) -> Result<Self> {
+        if let Some(text) = text.strip_prefix("image:").filter(|text| !text.is_empty()) {
+            // Names of files may have colons too.
+            let factor = text.split_once(':').and_then(|(factor, file)| Some((numbers(factor)?, file)));
+            let (factor, file) = factor.unwrap_or(([1.0; 3], text));
+            return Ok(Self::Image(factor, file.into()));
+        }
         let parts: Vec<&str> = text.split(':').collect();
         let number = |place: usize| parts.get(place).copied().and_then(numbers);
         let spec = match (parts[0], parts.len()) {
@@ -113,7 +124,7 @@ impl FromStr for LightSpec {
             _ => None,
         };
         spec.ok_or_else(|| {
-            let allowed = "sun:X,Y,Z:IRRADIANCE, point:X,Y,Z:INTENSITY, spot:X,Y,Z:X,Y,Z:DEGREES:INTENSITY or sky:RADIANCE";
+            let allowed = "sun:X,Y,Z:IRRADIANCE, point:X,Y,Z:INTENSITY, spot:X,Y,Z:X,Y,Z:DEGREES:INTENSITY, sky:RADIANCE or image:FILE";
             Error::setting("--light", text, allowed)
         })
     }
@@ -123,9 +134,10 @@ impl FromStr for LightSpec {
 const SOFT_EDGE: f32 = 0.8;
 
 impl LightSpec {
-    /// The light, for positions measured from `origin`.
-    pub(crate) fn light(self, origin: tyndall::DVec3) -> Result<Light> {
-        Ok(match self {
+    /// The light, for positions measured from `origin`. Up in a picture of the sky is `up`.
+    pub(crate) fn light(&self, origin: tyndall::DVec3, up: Vec3) -> Result<Light> {
+        Ok(match *self {
+            Self::Image(factor, ref file) => Light::Environment(Self::image(factor, file)?.upright(up)?),
             Self::Sun(along, light) => Light::Directional(Directional::new(Vec3::from(along), light)?),
             Self::Point(at, light) => {
                 let at = Vec3::from(at).as_dvec3() - origin;
@@ -138,6 +150,13 @@ impl LightSpec {
             }
             Self::Sky(light) => Light::Environment(Environment::constant(light)?),
         })
+    }
+
+    fn image(factor: [f32; 3], file: &Path) -> Result<Environment> {
+        if let Some(bad) = factor.iter().find(|it| !(0.0..f32::INFINITY).contains(*it)) {
+            return Err(Error::setting("--light", bad, "an image times a finite number of at least 0"));
+        }
+        read::sky(file, factor)
     }
 }
 
@@ -156,7 +175,11 @@ mod tests {
         assert_eq!("sky:0.25".parse::<LightSpec>().unwrap(), LightSpec::Sky([0.25; 3]));
         let spot = LightSpec::Spot([1.0, 2.0, 3.0], [0.0, -1.0, 0.0], 20.0, [5.0; 3]);
         assert_eq!("spot:1,2,3:0,-1,0:20:5".parse::<LightSpec>().unwrap(), spot);
-        assert!(spot.light(tyndall::DVec3::ZERO).is_ok());
+        assert!(spot.light(tyndall::DVec3::ZERO, Vec3::Z).is_ok());
+        let image = |factor: f32, file: &str| LightSpec::Image([factor; 3], file.into());
+        assert_eq!("image:a.hdr".parse::<LightSpec>().unwrap(), image(1.0, "a.hdr"));
+        assert_eq!("image:2.5:C:/a.exr".parse::<LightSpec>().unwrap(), image(2.5, "C:/a.exr"));
+        assert_eq!("image:C:/a.exr".parse::<LightSpec>().unwrap(), image(1.0, "C:/a.exr"));
         let sun = LightSpec::Sun([0.0, -1.0, 0.0], [3.0, 2.0, 1.0]);
         assert_eq!("sun:0,-1,0:3,2,1".parse::<LightSpec>().unwrap(), sun);
     }
@@ -167,7 +190,9 @@ mod tests {
         assert!(["", "a@2", "1@", "1@-2"].iter().all(|bad| bad.parse::<NoiseAmount>().is_err()));
         assert!(["0", "-1", "0@1", "5@0", "x"].iter().all(|bad| bad.parse::<Gather>().is_err()));
         assert!(
-            ["sun", "moon:1", "sky:1:2", "point:1,2,3"].iter().all(|bad| bad.parse::<LightSpec>().is_err())
+            ["sun", "moon:1", "sky:1:2", "point:1,2,3", "image:"]
+                .iter()
+                .all(|bad| bad.parse::<LightSpec>().is_err())
         );
         assert!(["0", "nan", "-1"].iter().all(|bad| positive(bad).is_err()));
     }

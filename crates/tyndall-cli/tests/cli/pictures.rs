@@ -168,7 +168,14 @@ fn threads_and_structures_do_not_change_a_pixel_but_seeds_do() {
     };
     let one = pixels("--threads 1");
     assert_eq!(one, pixels("--threads 2"));
-    for structure in ["brute", "pkd", "pkd --pkd-axis round-robin", "pkd --pkd-order near"] {
+    for structure in [
+        "brute",
+        "pkd",
+        "pkd --pkd-axis round-robin",
+        "pkd --pkd-order near",
+        "treelets",
+        "treelets --treelet-size 1000 --treelet-cut middle",
+    ] {
         assert_eq!(one, pixels(&format!("--structure {structure}")), "{structure}");
     }
     assert_ne!(one, pixels("--seed 1"));
@@ -278,6 +285,7 @@ fn packing_is_told_with_its_error() {
     let said = folder.render("synthetic:packed?n=3e4 -o b.png --pack exact").fine();
     assert!(!said.contains("packed:"), "{said}");
     folder.render("a.xyz -o a.png --pack 16 --structure pkd").fails(2, &["--pack is for --structure bvh"]);
+    folder.render("a.xyz -o a.png --treelet-size 15").fails(2, &["--treelet-size", "16"]);
     folder.render("a.xyz -o a.png --pack 12").fails(2, &["--pack", "12", "exact, 16, 11, 8"]);
 }
 

@@ -16,6 +16,7 @@ mod ply;
 mod real_data;
 mod records;
 mod rows;
+mod sky;
 mod table;
 mod unpack;
 mod unreadable;
@@ -31,6 +32,7 @@ use crate::sequence::{Frame, Options};
 pub use density::{RawGrid, Sample, density};
 pub(crate) use feed::Feed;
 pub(crate) use map::map;
+pub use sky::sky;
 pub(crate) use unpack::Packing;
 
 /// How much of a file decides its format.

@@ -1,13 +1,15 @@
 //! Light from far away all around: one radiance, or an image of the whole sphere.
 //!
 //! The image is equirectangular with the y axis up, as such images are published: row 0 looks up (+y), the middle of the
-//! picture looks along -z, its right half along +x. A pixel has one radiance all over (no interpolation), so that the image is
+//! picture looks along -z, its right half along +x; [`Environment::upright`] turns it. A pixel has one radiance all over (no interpolation), so that the image is
 //! sampled exactly in proportion to it: rows by their brightness times their solid angle, then columns of the row.
 //! Source: M. Pharr, W. Jakob, G. Humphreys, "Physically based rendering", 3rd ed., 2016, section 14.2.4.
 
 use std::f32::consts::{PI, TAU};
 
-use glam::Vec3;
+mod suns;
+
+use glam::{Quat, Vec3};
 
 use super::light::{brightness, sphere};
 use crate::error::{Error, Result};
@@ -37,6 +39,8 @@ struct Image {
     total: f32,
     /// Mean radiance over the sphere.
     mean: Vec3,
+    /// Turns directions of the world into those of the image.
+    from_world: Quat,
 }
 
 impl Environment {
@@ -56,6 +60,19 @@ impl Environment {
         let pixels: Vec<Vec3> =
             pixels.iter().map(|&pixel| brightness("environment", pixel)).collect::<Result<_>>()?;
         Ok(Self { radiance: Radiance::Image(Image::new(width, pixels)) })
+    }
+
+    /// The same, turned so that the top of an image is in the direction `up`, by the shortest way. Fails with [`Error::Setting`] if
+    /// `up` is no direction.
+    pub fn upright(self, up: Vec3) -> Result<Self> {
+        let Some(up) = up.try_normalize() else {
+            return Err(Error::setting("up", up, "three finite numbers, not all zero"));
+        };
+        let from_world = Quat::from_rotation_arc(up, Vec3::Y);
+        Ok(match self.radiance {
+            Radiance::Image(image) => Self { radiance: Radiance::Image(Image { from_world, ..image }) },
+            Radiance::Constant(_) => self,
+        })
     }
 
     /// Whether every direction has the same radiance.
@@ -137,11 +154,13 @@ impl Image {
             columns: single(columns),
             total: total as f32,
             mean: (mean / (4.0 * std::f64::consts::PI)).as_vec3(),
+            from_world: Quat::IDENTITY,
         }
     }
 
     /// Column and row of the pixel that is seen in a direction.
     fn pixel(&self, toward: Vec3) -> (usize, usize) {
+        let toward = self.from_world * toward;
         let around = (toward.x.atan2(-toward.z) / TAU + 0.5) * self.width as f32;
         let down = toward.y.clamp(-1.0, 1.0).acos() / PI * self.height as f32;
         ((around as usize).min(self.width - 1), (down as usize).min(self.height - 1))
@@ -155,7 +174,7 @@ impl Image {
         let y = edge(row) + down * (edge(row + 1) - edge(row));
         let across = (1.0 - y * y).max(0.0).sqrt();
         let (sin, cos) = (TAU * ((column as f32 + around) / self.width as f32 - 0.5)).sin_cos();
-        Vec3::new(across * sin, y, -across * cos)
+        self.from_world.inverse() * Vec3::new(across * sin, y, -across * cos)
     }
 }
 
@@ -232,6 +251,22 @@ mod tests {
         assert_eq!(seen(0.1, 0.5, -1.0), 2.0);
         assert_eq!(seen(-0.1, 0.5, -1.0), 1.0);
         assert_eq!(seen(1.0, 0.5, 0.1), 3.0);
+    }
+
+    #[test]
+    fn the_top_of_an_image_is_where_up_is() {
+        let pixels: Vec<[f32; 3]> = (0..8).map(|k| [k as f32, 0.0, 0.0]).collect();
+        let sky = Environment::image(4, &pixels).unwrap().upright(2.0 * Vec3::Z).unwrap();
+        let seen = |x: f32, y: f32, z: f32| sky.radiance(Vec3::new(x, y, z).normalize()).x;
+        // The middle, -z in the image, is +y now; right stays right.
+        assert_eq!((seen(0.1, 1.0, 0.5), seen(-0.1, 1.0, 0.5), seen(1.0, -0.1, 0.5)), (2.0, 1.0, 3.0));
+        assert_eq!(seen(0.1, 1.0, -0.5), 6.0);
+        let mut stream = Stream::new(43, 0);
+        for _ in 0..1000 {
+            let toward = sky.sample([stream.unit(), stream.unit()]);
+            assert!(toward.is_normalized() && sky.density(toward) > 0.0);
+        }
+        assert!(sky.upright(Vec3::ZERO).is_err());
     }
 
     #[test]

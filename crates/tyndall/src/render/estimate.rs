@@ -74,7 +74,10 @@ impl Work {
             Kind::Bvh(Packing::Bits16) => 9,
             Kind::Bvh(Packing::Bits11) => 7,
             Kind::Bvh(Packing::Bits8) => 6,
-            Kind::Pkd(_) | Kind::Brute => 16,
+            // A box of 32 bytes, and a share of a node of 100, each treelet; cuts through the middle leave treelets half full.
+            Kind::Treelets(options) => 13 + 4 + 100_u64.div_ceil(u64::from(options.size.max(1))),
+            Kind::Pkd(_) => 17,
+            Kind::Brute => 16,
         };
         ID_BYTES + bytes
     }
@@ -92,6 +95,7 @@ impl Work {
         let (build, tries) = match self.structure {
             Kind::Brute => (0.0, self.particles as f64 / 16.0),
             Kind::Bvh(_) => (BUILD_SECS, 1.0),
+            Kind::Treelets(_) => (2.0 * BUILD_SECS, 4.0),
             Kind::Pkd(_) => (2.0 * BUILD_SECS, 8.0),
         };
         (self.particles as f64 * build + samples * sample * tries.max(1.0)) / threads.max(1) as f64
@@ -104,7 +108,7 @@ mod tests {
 
     #[test]
     fn more_work_costs_more() {
-        let settings = Settings { width: 800, height: 800, samples: 16, seed: 0 };
+        let settings = Settings { width: 800, height: 800, samples: 16, ..Settings::default() };
         let few = Work::of_count(1_000, Kind::default(), settings);
         let many = Work { particles: 1_000_000_000, columns_bytes: 12_000_000_000, ..few };
         assert!(many.memory_bytes() > 30_000_000_000 && many.memory_bytes() < 50_000_000_000);

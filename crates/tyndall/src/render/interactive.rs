@@ -10,7 +10,7 @@
 use glam::DVec3;
 
 use super::cpu::Samples;
-use super::{Settings, cpu};
+use super::{Settings, certified, cpu};
 use crate::error::{Error, Result};
 use crate::film::Image;
 use crate::progress::Progress;
@@ -46,6 +46,8 @@ pub(crate) struct Shot {
     /// Its pixels, across and down.
     pub(crate) size: [u32; 2],
     pub(crate) added: Samples,
+    /// Which proofs of what is hidden are sought.
+    pub(crate) certified: certified::Options,
 }
 
 /// A machine that holds a scene and renders it.
@@ -251,17 +253,18 @@ impl Interactive {
 
     /// The pass that comes next; none if the picture is finished.
     fn next(&self) -> Option<Shot> {
-        let Settings { width, height, samples, seed } = self.settings;
+        let Settings { width, height, samples, seed, culling } = self.settings;
+        let certified = culling.certified();
         // With one sample a pixel, that is the finished picture.
         if self.step < FINAL && !(samples == 1 && BLOCKS[self.step] == 1) {
             let edge = BLOCKS[self.step];
             let view = View { pixel: self.view.pixel * edge as f32, ..self.view };
             let size = [width.div_ceil(edge), height.div_ceil(edge)];
             let added = Samples { seed, first: 0, count: 1, centered: true };
-            return Some(Shot { picture: self.step, view, size, added });
+            return Some(Shot { picture: self.step, view, size, added, certified });
         }
         let added = Samples::after(self.samples_done, samples, seed)?;
-        Some(Shot { picture: FINAL, view: self.view, size: [width, height], added })
+        Some(Shot { picture: FINAL, view: self.view, size: [width, height], added, certified })
     }
 
     /// Draws what there is, the finest where it is there.

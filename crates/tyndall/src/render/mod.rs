@@ -4,6 +4,8 @@
 //! changes. The same settings
 //! give the same picture, bit for bit, whatever the number of threads and the width of SIMD.
 
+pub mod certified;
+pub mod confidence;
 pub mod cpu;
 pub mod estimate;
 pub mod interactive;
@@ -30,11 +32,40 @@ pub struct Settings {
     pub samples: u32,
     /// Another seed gives other random numbers.
     pub seed: u32,
+    /// What is not traced because it is likely, or sure, to be hidden.
+    pub culling: Culling,
+}
+
+/// How particles that others hide are left out.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Culling {
+    /// Not at all, beyond what each ray finds for itself.
+    Off,
+    /// Where a pixel is likely to be covered. Lossy.
+    Confidence(confidence::Options),
+    /// Where that is proven. The picture is that of `Off`, bit for bit.
+    Certified(certified::Options),
+}
+
+impl Culling {
+    /// Which proofs are sought.
+    fn certified(&self) -> certified::Options {
+        match self {
+            Self::Certified(options) => *options,
+            _ => certified::Options::OFF,
+        }
+    }
+}
+
+impl Default for Culling {
+    fn default() -> Self {
+        Self::Certified(certified::Options::default())
+    }
 }
 
 impl Default for Settings {
     fn default() -> Self {
-        Self { width: 1920, height: 1080, samples: 64, seed: 0 }
+        Self { width: 1920, height: 1080, samples: 64, seed: 0, culling: Culling::default() }
     }
 }
 
@@ -48,7 +79,10 @@ impl Settings {
         if samples == 0 {
             return Err(Error::setting("samples", samples, "at least 1 a pixel"));
         }
-        Ok(())
+        match &self.culling {
+            Culling::Off | Culling::Certified(_) => Ok(()),
+            Culling::Confidence(options) => options.check(),
+        }
     }
 }
 
@@ -59,6 +93,7 @@ pub struct Renderer<'a> {
     settings: Settings,
     film: Film,
     samples_done: u32,
+    counts: certified::Counts,
     level: fearless_simd::Level,
 }
 
@@ -70,7 +105,15 @@ impl<'a> Renderer<'a> {
         let view = camera.view(scene.structure().origin(), width, height)?;
         let film = Film::new(width, height);
         let level = fearless_simd::Level::new();
-        Ok(Self { scene, view, settings: *settings, film, samples_done: 0, level })
+        Ok(Self {
+            scene,
+            view,
+            settings: *settings,
+            film,
+            samples_done: 0,
+            counts: certified::Counts::default(),
+            level,
+        })
     }
 
     /// Uses narrower SIMD than the machine has.
@@ -87,16 +130,47 @@ impl<'a> Renderer<'a> {
     /// Adds up to sixteen samples to every pixel. Fails only when interrupted; some parts of the picture then have them, and the next pass
     /// goes on with the others.
     pub fn pass(&mut self, progress: &dyn Progress) -> Result<()> {
-        let Some(added) = Samples::after(self.samples_done, self.settings.samples, self.settings.seed) else {
-            return Ok(());
-        };
-        let pass = self.film.pass(self.scene, self.view, added);
-        cpu::for_each_tile(&mut self.film, &pass, self.level, progress);
-        if !self.film.has(added.first + added.count) {
-            return Err(Error::Interrupted);
+        let pass = self.next_pass(self.samples_done);
+        self.add(pass.as_slice(), progress)
+    }
+
+    /// Adds all samples that are missing, tile by tile. Fails only when interrupted, as [`Renderer::pass`] does.
+    pub fn finish(&mut self, progress: &dyn Progress) -> Result<()> {
+        let pixels = u64::from(self.settings.width) * u64::from(self.settings.height);
+        let samples = u64::from(self.settings.samples - self.samples_done);
+        progress.begin("render", Some(pixels * samples), "samples");
+        let mut passes: Vec<cpu::Pass> = Vec::new();
+        let mut done = self.samples_done;
+        while let Some(pass) = self.next_pass(done) {
+            done = pass.end();
+            passes.push(pass);
         }
-        self.samples_done += added.count;
+        self.add(&passes, progress)
+    }
+
+    /// The samples of every pixel that come after the first `done`, if any are missing.
+    fn next_pass(&mut self, done: u32) -> Option<cpu::Pass<'a>> {
+        let added = Samples::after(done, self.settings.samples, self.settings.seed)?;
+        Some(self.film.pass(self.scene, self.view, added, self.settings.culling.certified()))
+    }
+
+    fn add(&mut self, passes: &[cpu::Pass], progress: &dyn Progress) -> Result<()> {
+        cpu::for_each_tile(&mut self.film, passes, self.level, progress);
+        for pass in passes {
+            self.counts += pass.counts();
+        }
+        if let Some(done) = passes.last().map(cpu::Pass::end) {
+            if !self.film.has(done) {
+                return Err(Error::Interrupted);
+            }
+            self.samples_done = done;
+        }
         if progress.cancelled() { Err(Error::Interrupted) } else { Ok(()) }
+    }
+
+    /// What certified culling saved, and what it could not, since this was made.
+    pub fn counts(&self) -> certified::Counts {
+        self.counts
     }
 
     /// Starts anew with another camera, in the same memory. Fails as [`Renderer::new`] does.
@@ -124,10 +198,6 @@ impl<'a> Renderer<'a> {
 /// Renders a whole picture.
 pub fn render(scene: &Scene, camera: &Camera, settings: &Settings, progress: &dyn Progress) -> Result<Image> {
     let mut renderer = Renderer::new(scene, camera, settings)?;
-    let pixels = settings.width as u64 * settings.height as u64;
-    progress.begin("render", Some(pixels * settings.samples as u64), "samples");
-    while !renderer.is_done() {
-        renderer.pass(progress)?;
-    }
+    renderer.finish(progress)?;
     Ok(renderer.image())
 }

@@ -178,6 +178,12 @@ pub struct View {
 }
 
 impl View {
+    /// The direction in which `at` is seen.
+    #[inline(always)]
+    pub fn toward(&self, at: Vec3) -> Vec3 {
+        if self.perspective { (at - self.eye).normalize_or(self.forward) } else { self.forward }
+    }
+
     /// The ray through the point (x, y) of the picture, in pixels from its upper left corner.
     #[inline(always)]
     pub fn ray(&self, x: f32, y: f32) -> Ray {

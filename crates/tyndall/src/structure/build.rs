@@ -37,22 +37,28 @@ pub(super) fn records<const N: usize>(spheres: Spheres) -> Vec<Record<N>> {
 }
 
 /// How many records decide where to cut; more would cost a pass and change the axis almost never.
-const PROBES: usize = 1024;
+pub(super) const PROBES: usize = 1024;
 
-/// The coordinate in which the records are widest, from a sample of them. Radius counts as a coordinate: large particles are
+/// The coordinate in which the records are widest, from about `probes` of them. Radius counts as a coordinate: large particles are
 /// cut off from small ones as soon as they differ by more than the region they share is wide, so that a large particle
 /// inflates boxes of its own size only.
-pub(super) fn widest<const N: usize>(records: &[Record<N>]) -> usize {
+pub(super) fn widest<const N: usize>(records: &[Record<N>], probes: usize) -> usize {
+    middle(records, probes).0
+}
+
+/// The coordinate in which the records are widest, and its middle between the least and the greatest, from about `probes` of them.
+pub(super) fn middle<const N: usize>(records: &[Record<N>], probes: usize) -> (usize, f32) {
     let mut min = [f32::INFINITY; N];
     let mut max = [f32::NEG_INFINITY; N];
-    for record in records.iter().step_by(records.len().div_ceil(PROBES)) {
+    for record in records.iter().step_by(records.len().div_ceil(probes)) {
         for axis in 0..N {
             min[axis] = min[axis].min(record.coordinates[axis]);
             max[axis] = max[axis].max(record.coordinates[axis]);
         }
     }
     let extent = |axis: usize| max[axis] - min[axis];
-    (1..N).fold(0, |best, axis| if extent(axis) > extent(best) { axis } else { best })
+    let axis = (1..N).fold(0, |best, axis| if extent(axis) > extent(best) { axis } else { best });
+    (axis, 0.5 * min[axis] + 0.5 * max[axis])
 }
 
 /// Moves the `left_count` records that are smallest along `axis` to the front; equal ones in order of their ids, so that the

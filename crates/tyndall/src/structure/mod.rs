@@ -6,9 +6,12 @@
 
 mod build;
 pub mod bvh;
+mod heap;
 mod pages;
 pub mod pkd;
+mod search;
 pub mod selection;
+pub mod treelets;
 
 use glam::{DVec3, Vec3};
 
@@ -22,6 +25,7 @@ use selection::{Rule, Test, all_bits, shows};
 
 pub use bvh::{Bvh, Packing, PackingError};
 pub use pkd::Pkd;
+pub use treelets::Treelets;
 
 /// The particles as a structure sees them: centers, as offsets from the particles' origin, and radii.
 #[derive(Clone, Copy)]
@@ -97,6 +101,8 @@ pub enum Kind {
     Bvh(Packing),
     /// A balanced k-d tree in place.
     Pkd(pkd::Options),
+    /// Wide nodes over small k-d trees in place.
+    Treelets(treelets::Options),
     /// None: every particle is tried.
     Brute,
 }
@@ -119,6 +125,7 @@ pub struct Structure {
 pub(crate) enum Store {
     Bvh(Bvh),
     Pkd(Pkd),
+    Treelets(Treelets),
     Brute(Brute),
 }
 
@@ -128,6 +135,7 @@ macro_rules! each_store {
         match $store {
             Store::Bvh($held) => $body,
             Store::Pkd($held) => $body,
+            Store::Treelets($held) => $body,
             Store::Brute($held) => $body,
         }
     };
@@ -195,6 +203,7 @@ impl Structure {
         self.store = match std::mem::replace(&mut self.store, none) {
             Store::Bvh(bvh) => Store::Bvh(bvh.scaled(scale)),
             Store::Pkd(pkd) => Store::Pkd(pkd.scaled(scale)),
+            Store::Treelets(treelets) => Store::Treelets(treelets.scaled(scale)),
             Store::Brute(brute) => Store::Brute(Brute { radius_scale: scale, ..brute }),
         };
     }
@@ -256,7 +265,7 @@ impl Structure {
     pub fn packing_error(&self) -> Option<&PackingError> {
         match &self.store {
             Store::Bvh(bvh) => bvh.packing_error(),
-            Store::Pkd(_) | Store::Brute(_) => None,
+            Store::Pkd(_) | Store::Treelets(_) | Store::Brute(_) => None,
         }
     }
 
@@ -279,6 +288,7 @@ fn arrange<const N: usize>(
     Ok(match kind {
         Kind::Bvh(packing) => Store::Bvh(Bvh::build(records, radius, packing, progress)?),
         Kind::Pkd(options) => Store::Pkd(Pkd::build(records, radius, options, progress)?),
+        Kind::Treelets(options) => Store::Treelets(Treelets::build(records, radius, options, progress)?),
         Kind::Brute => Store::Brute(Brute::build(&records, radius)),
     })
 }

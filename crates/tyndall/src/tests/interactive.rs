@@ -9,7 +9,7 @@ use super::visibility::{differing_pixels, image};
 use crate::particles::{Particles, Radii};
 use crate::progress::Progress;
 use crate::render::interactive::{Detail, Interactive};
-use crate::render::{Renderer, Settings};
+use crate::render::{Culling, Renderer, Settings};
 use crate::scene::Scene;
 use crate::scene::camera::Camera;
 use crate::scene::color::ParticleColors;
@@ -51,7 +51,7 @@ impl State {
     fn first(particles: &Particles, random: &mut Random) -> Self {
         Self {
             camera: camera(&particles.bounds(), random),
-            settings: Settings { width: 70, height: 45, samples: 21, seed: 1 },
+            settings: Settings { width: 70, height: 45, samples: 21, seed: 1, culling: Culling::default() },
             color: [0.5; 3],
             lighting: Lighting::Headlight,
             background: None,
@@ -70,7 +70,8 @@ impl State {
             1 => {
                 let samples = [1, 4, 21][random.below(3) as usize];
                 let (width, height) = (40 + random.below(40), 20 + random.below(30));
-                self.settings = Settings { width, height, samples, seed: random.below(9) };
+                let culling = [Culling::Off, Culling::default()][random.below(2) as usize];
+                self.settings = Settings { width, height, samples, seed: random.below(9), culling };
                 interactive.set(self.settings).unwrap();
             }
             2 => {

@@ -7,7 +7,7 @@ use super::visibility::{COUNTS, KINDS, decoded, differing_pixels, image};
 use crate::film::Image;
 use crate::math::Ray;
 use crate::particles::{Attribute, Columns, Particles, Positions, Radii, Values};
-use crate::render::Settings;
+use crate::render::{Culling, Settings};
 use crate::scene::Scene;
 use crate::scene::color;
 use crate::scene::coloring::Range;
@@ -122,7 +122,8 @@ fn hidden_particles_are_as_if_they_were_not_there() {
         let (all, radii) = particles(law, count, &mut random);
         let rules = Rules::random(&all, &mut random);
         let samples = [1, 4, 16][random.below(3) as usize];
-        let settings = Settings { width: 21, height: 13, samples, seed: seed as u32 };
+        let culling = if seed % 2 == 0 { Culling::Off } else { Culling::default() };
+        let settings = Settings { width: 21, height: 13, samples, seed: seed as u32, culling };
         let shot = Shot { camera: camera(&all.bounds(), &mut random), settings };
         let studio = Lighting::studio(Vec3::X, Vec3::NEG_Y, Vec3::Z);
         let lighting = if seed % 3 == 0 { studio } else { Lighting::Headlight };

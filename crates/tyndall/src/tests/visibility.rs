@@ -4,30 +4,41 @@ use super::scenes::{LAWS, Law, Random, camera, particles};
 use crate::film::Image;
 use crate::math::Ray;
 use crate::particles::{Attribute, Columns, Particles, Positions, Radii, Values};
-use crate::render::{Renderer, Settings};
+use crate::render::{Culling, Renderer, Settings};
 use crate::scene::Scene;
 use crate::scene::camera::Camera;
 use crate::scene::color;
 use crate::scene::coloring::Range;
 use crate::scene::light::Lighting;
 use crate::structure::pkd::{Axis, Options, Order};
+use crate::structure::treelets::{self, Cut};
 use crate::structure::{Hit, Kind, Packing, Structure};
 use fearless_simd::{Level, Simd};
 use glam::Vec3;
 
-pub(super) const KINDS: [Kind; 6] = [
+const fn treelets(size: u32, cut: Cut, axis: Axis, order: Order) -> Kind {
+    Kind::Treelets(treelets::Options { size, cut, heap: Options { axis, order } })
+}
+
+pub(super) const KINDS: [Kind; 12] = [
     Kind::Bvh(Packing::Exact),
     Kind::Brute,
     Kind::Pkd(Options { axis: Axis::WidestExtent, order: Order::NodeFirst }),
     Kind::Pkd(Options { axis: Axis::WidestExtent, order: Order::NearChildFirst }),
     Kind::Pkd(Options { axis: Axis::RoundRobin, order: Order::NodeFirst }),
     Kind::Pkd(Options { axis: Axis::RoundRobin, order: Order::NearChildFirst }),
+    treelets(16, Cut::Median, Axis::WidestExtent, Order::NodeFirst),
+    treelets(64, Cut::Median, Axis::WidestExtent, Order::NearChildFirst),
+    treelets(1024, Cut::Median, Axis::RoundRobin, Order::NodeFirst),
+    treelets(16, Cut::Middle, Axis::RoundRobin, Order::NearChildFirst),
+    treelets(100, Cut::Middle, Axis::WidestExtent, Order::NodeFirst),
+    treelets(4096, Cut::Middle, Axis::WidestExtent, Order::NodeFirst),
 ];
 
 pub(super) const COUNTS: [usize; 10] = [0, 1, 2, 3, 16, 17, 100, 129, 700, 3000];
 
 /// Every particle has a color of its own, of a few.
-fn scene(particles: &Particles, radii: &Radii, kind: Kind, lighting: Lighting) -> Scene {
+pub(super) fn scene(particles: &Particles, radii: &Radii, kind: Kind, lighting: Lighting) -> Scene {
     let structure = Structure::build(kind, particles.clone(), radii, 1.0, &()).unwrap();
     let colors = color::resolve(particles, &"radius".parse().unwrap(), None, None, Range::Auto).unwrap();
     Scene::new(structure, colors, lighting, None)
@@ -35,9 +46,7 @@ fn scene(particles: &Particles, radii: &Radii, kind: Kind, lighting: Lighting) -
 
 pub(super) fn image(scene: &Scene, camera: &Camera, settings: &Settings, level: Level) -> Image {
     let mut renderer = Renderer::new(scene, camera, settings).unwrap().with_level(level);
-    while !renderer.is_done() {
-        renderer.pass(&()).unwrap();
-    }
+    renderer.finish(&()).unwrap();
     renderer.image()
 }
 
@@ -80,7 +89,7 @@ fn every_structure_renders_what_brute_force_renders() {
         let (particles, radii) = particles(law, count, &mut random);
         let camera = camera(&particles.bounds(), &mut random);
         let samples = [1, 4, 16][random.below(3) as usize];
-        let settings = Settings { width: 21, height: 13, samples, seed: seed as u32 };
+        let settings = Settings { width: 21, height: 13, samples, seed: seed as u32, culling: Culling::Off };
         let brute = scene(&particles, &radii, Kind::Brute, Lighting::Headlight);
         let expected = image(&brute, &camera, &settings, Level::new());
         met += expected.id.iter().filter(|&&id| id >= 0).count();
@@ -104,7 +113,8 @@ fn every_structure_casts_the_shadows_that_brute_force_casts() {
         let law = LAWS[seed as usize % LAWS.len()];
         let (particles, radii) = particles(law, 400, &mut random);
         let camera = camera(&particles.bounds(), &mut random);
-        let settings = Settings { width: 16, height: 16, samples: 4, seed: seed as u32 };
+        let settings =
+            Settings { width: 16, height: 16, samples: 4, seed: seed as u32, culling: Culling::Off };
         let studio = Lighting::studio(Vec3::X, Vec3::NEG_Y, Vec3::Z);
         let brute = scene(&particles, &radii, Kind::Brute, studio);
         let expected = image(&brute, &camera, &settings, Level::new());
@@ -127,7 +137,8 @@ fn packed_particles_are_rendered_as_brute_force_renders_what_the_blocks_decode()
             let packed = Structure::build(Kind::Bvh(packing), particles.clone(), &radii, 1.0, &()).unwrap();
             let (decoded, decoded_radii) = decoded(&packed);
             let camera = camera(&particles.bounds(), &mut random);
-            let settings = Settings { width: 21, height: 13, samples: 16, seed: seed as u32 };
+            let settings =
+                Settings { width: 21, height: 13, samples: 16, seed: seed as u32, culling: Culling::Off };
             for lighting in [Lighting::Headlight, Lighting::studio(Vec3::X, Vec3::NEG_Y, Vec3::Z)] {
                 let expected = scene(&decoded, &decoded_radii, Kind::Brute, lighting);
                 let expected = image(&expected, &camera, &settings, Level::new());
@@ -150,9 +161,15 @@ fn scaled_radii_are_seen_as_if_they_had_been_built() {
         let (particles, radii) = particles(law, count, &mut random);
         let scale = [0.0, 0.3, 0.999, 1.0, 1.7, 20.0][random.below(6) as usize];
         let camera = camera(&particles.bounds(), &mut random);
-        let settings = Settings { width: 21, height: 13, samples: [1, 16][seed as usize % 2], seed: 3 };
+        let settings = Settings {
+            width: 21,
+            height: 13,
+            samples: [1, 16][seed as usize % 2],
+            seed: 3,
+            culling: Culling::default(),
+        };
         let studio = Lighting::studio(Vec3::X, Vec3::NEG_Y, Vec3::Z);
-        for kind in [KINDS[0], KINDS[1], KINDS[2], KINDS[5]] {
+        for kind in [KINDS[0], KINDS[1], KINDS[2], KINDS[5], KINDS[7], KINDS[10]] {
             let built = |scale: f32| Structure::build(kind, particles.clone(), &radii, scale, &()).unwrap();
             let seen = |structure: Structure| {
                 let colors = color::resolve(&particles, &"radius".parse().unwrap(), None, None, Range::Auto);
@@ -193,7 +210,8 @@ fn every_width_of_simd_renders_the_same_bits() {
         let mut random = Random::new(2000 + seed);
         let (particles, radii) = particles(LAWS[seed as usize % LAWS.len()], 1000, &mut random);
         let camera = camera(&particles.bounds(), &mut random);
-        let settings = Settings { width: 33, height: 20, samples: 20, seed: seed as u32 };
+        let settings =
+            Settings { width: 33, height: 20, samples: 20, seed: seed as u32, culling: Culling::Off };
         let scene =
             scene(&particles, &radii, Kind::default(), Lighting::studio(Vec3::X, Vec3::NEG_Y, Vec3::Z));
         let expected = image(&scene, &camera, &settings, levels[0].expect("the baseline is always there"));
@@ -208,7 +226,7 @@ fn every_width_of_simd_renders_the_same_bits() {
 fn a_renderer_that_starts_anew_forgets_what_it_saw() {
     let mut random = Random::new(91);
     let (particles, radii) = particles(Law::MixedRadii, 500, &mut random);
-    let settings = Settings { width: 40, height: 30, samples: 5, seed: 2 };
+    let settings = Settings { width: 40, height: 30, samples: 5, seed: 2, culling: Culling::Off };
     let scene = scene(&particles, &radii, Kind::default(), Lighting::Headlight);
     let [first, second] = [0, 1].map(|_| camera(&particles.bounds(), &mut random));
     let expected = image(&scene, &second, &settings, Level::new());
@@ -230,7 +248,7 @@ fn one_thread_and_two_render_the_same_bits() {
     let mut random = Random::new(77);
     let (particles, radii) = particles(Law::MixedRadii, 50_000, &mut random);
     let camera = camera(&particles.bounds(), &mut random);
-    let settings = Settings { width: 150, height: 70, samples: 16, seed: 5 };
+    let settings = Settings { width: 150, height: 70, samples: 16, seed: 5, culling: Culling::Off };
     let rendered = [1, 2].map(|threads| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         pool.install(|| {

@@ -3,7 +3,7 @@
 use std::f32::consts::PI;
 
 use tyndall::particles::{Columns, Particles, Positions, Radii};
-use tyndall::render::{Settings, render};
+use tyndall::render::{Culling, Settings, render};
 use tyndall::scene::Scene;
 use tyndall::scene::camera::{Camera, Projection};
 use tyndall::scene::color::ParticleColors;
@@ -26,7 +26,8 @@ fn picture(centers: &[DVec3], radius: f32, lighting: Lighting, samples: u32) -> 
         up: DVec3::Y,
         projection: Projection::Orthographic { height: 4.0 },
     };
-    render(&scene, &camera, &Settings { width: 64, height: 64, samples, seed: 1 }, &()).unwrap()
+    render(&scene, &camera, &Settings { width: 64, height: 64, samples, seed: 1, culling: Culling::Off }, &())
+        .unwrap()
 }
 
 fn pixel(x: f32, y: f32) -> usize {

@@ -32,7 +32,7 @@ use super::cells::{CELL, Cells, Column};
 use super::grid::{Grid, Lattice};
 use super::kernel::{CubicSpline, Kernel, Poly6, Shape, WendlandC2};
 use crate::error::{Error, Result};
-use crate::particles::Particles;
+use crate::particles::{Attribute, Particles};
 use crate::progress::Progress;
 
 /// Who has a smoothing length, and how it is found.
@@ -192,23 +192,7 @@ pub fn estimate(particles: &Particles, settings: &Settings, progress: &dyn Progr
 
     progress.begin("sort", None, "particles");
     let cells = Cells::new(particles.positions());
-    let lengths = match (settings.smoothing, lengths) {
-        (Smoothing::Scatter, Some(attribute)) => {
-            notes.push(format!(
-                "particles spread their mass over '{}', read as the kernel's radius",
-                attribute.name
-            ));
-            Some(cells.column(|id| attribute.number(id, 0) as f32))
-        }
-        (Smoothing::Scatter, None) => {
-            let target = settings.neighbors;
-            notes.push(format!(
-                "particles spread their mass as far as their {target}-th neighbor is, themselves counted"
-            ));
-            Some(neighbors::lengths(&cells, target, 1))
-        }
-        _ => None,
-    };
+    let lengths = particle_lengths(&cells, settings, lengths, &mut notes);
     let Plan { lattice, lengths, bytes } =
         Plan::new(&cells, settings, lengths, 1 + fields.len(), &mut notes)?;
     if progress.cancelled() {
@@ -244,6 +228,45 @@ pub fn estimate(particles: &Particles, settings: &Settings, progress: &dyn Progr
         peak_bytes: bytes,
         notes,
     })
+}
+
+/// Where the samples of [`estimate`] will lie, and the most memory that it will take at one time, in bytes. Fails as it does.
+pub fn plan(particles: &Particles, settings: &Settings, progress: &dyn Progress) -> Result<(Lattice, u64)> {
+    inputs::check(particles, settings)?;
+    let mut notes = Vec::new();
+    inputs::weight_attribute(particles, &settings.weight, &mut notes)?;
+    let columns = 1 + inputs::fields(particles, &settings.fields)?.len();
+    let lengths = inputs::length_attribute(particles, settings)?;
+    automatic::check_particles(particles, columns, settings)?;
+    progress.begin("sort", None, "particles");
+    let cells = Cells::new(particles.positions());
+    let lengths = particle_lengths(&cells, settings, lengths, &mut notes);
+    let Plan { lattice, bytes, .. } = Plan::new(&cells, settings, lengths, columns, &mut notes)?;
+    Ok((lattice, bytes))
+}
+
+/// The particles' lengths, if they have some: those of an attribute or the distances of neighbors.
+fn particle_lengths(
+    cells: &Cells,
+    settings: &Settings,
+    attribute: Option<&Attribute>,
+    notes: &mut Vec<String>,
+) -> Option<Column> {
+    if settings.smoothing != Smoothing::Scatter {
+        return None;
+    }
+    if let Some(attribute) = attribute {
+        notes.push(format!(
+            "particles spread their mass over '{}', read as the kernel's radius",
+            attribute.name
+        ));
+        return Some(cells.column(|id| attribute.number(id, 0) as f32));
+    }
+    let target = settings.neighbors;
+    notes.push(format!(
+        "particles spread their mass as far as their {target}-th neighbor is, themselves counted"
+    ));
+    Some(neighbors::lengths(cells, target, 1))
 }
 
 /// Everything that is decided.

@@ -29,14 +29,14 @@ impl Backend for Films {
     }
 
     fn pass(&mut self, scene: &Scene, shot: &Shot, progress: &dyn Progress) -> Result<()> {
-        let &Shot { picture, view, size: [width, height], added } = shot;
+        let &Shot { picture, view, size: [width, height], added, certified } = shot;
         if self.films.len() <= picture {
             self.films.resize_with(picture + 1, || None);
         }
         let film = self.films[picture].take().filter(|film| (film.width, film.height) == (width, height));
         let film = self.films[picture].insert(film.unwrap_or_else(|| Film::new(width, height)));
-        let pass = film.pass(scene, view, added);
-        for_each_tile(film, &pass, self.level, progress);
+        let pass = film.pass(scene, view, added, certified);
+        for_each_tile(film, &[pass], self.level, progress);
         if film.has(added.first + added.count) { Ok(()) } else { Err(Error::Interrupted) }
     }
 

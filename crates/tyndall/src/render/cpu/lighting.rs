@@ -1,104 +1,225 @@
 //! Which surfaces of a film tile see a light, all in the same direction.
 //!
-//! Surfaces are sorted by where they lie across the direction, so that the sixteen of a packet look through the same part of
-//! space even where neighboring pixels met particles far from each other.
+//! The surfaces of one sample of all pixels are asked together: by bounds in the space of the light (`beams`), or, without them, in
+//! packets of sixteen (`shadows`). Sixteen neighboring pixels are a packet where they lie close to each other across the direction; where
+//! they met particles far from each other, surfaces are sorted first.
 
-use fearless_simd::prelude::*;
+use fearless_simd::{f32x16, mask32x16, prelude::*};
 use fearless_simd_macros::simd;
 use glam::Vec3;
 
-use super::FILM_PIXELS;
-use super::shadows::{self, Points};
+use super::beams::{self, Spans};
+use super::hits::PACKETS;
+use super::shadows::{self, Light};
+use super::surfaces::Layer;
 use super::tiles::RAYS;
+use super::{FILM_PIXELS, Pass};
 use crate::math::Ray;
+use crate::render::certified::Counts;
+use crate::simd::Lanes3;
 use crate::structure::{Store, Structure};
-
-/// What a sample met.
-#[derive(Clone, Copy)]
-pub(super) struct Surface {
-    pub(super) position: Vec3,
-    /// The node that was met.
-    pub(super) node: u32,
-    pub(super) normal: Vec3,
-    /// The film tile's pixel.
-    pub(super) pixel: u32,
-    pub(super) color: Vec3,
-    /// Light gathered so far.
-    pub(super) brightness: f32,
-}
 
 /// Cells along each of the two axes by which surfaces are sorted.
 const CELLS: usize = 16;
 
-/// Adds `radiance` times the cosine to every surface that sees the light in direction `toward`. `stack` is scratch.
+/// Packets as they lie in the picture are left so where their rectangles would not fill that of all more often than this.
+const MOST_OVERLAP: f32 = 4.0;
+
+/// The surfaces that face a light, and what is needed to find out which of them see it.
+pub(super) struct Lit {
+    /// By packet a bit for each lane that faces the light, and, in the end, sees it.
+    lanes: [u16; PACKETS],
+    /// The cosine between normal and direction.
+    cosine: [[f32; RAYS]; PACKETS],
+    /// By axis, across, across and along the direction.
+    at: [[[f32; RAYS]; 3]; PACKETS],
+    sorted: Sorted,
+    beam_stack: Vec<beams::Entry>,
+    shadow_stack: Vec<shadows::Entry>,
+}
+
+/// Surfaces in new packets.
+struct Sorted {
+    count: usize,
+    /// Where each was: packet times sixteen, and lane.
+    place: [u16; FILM_PIXELS],
+    lanes: [u16; PACKETS],
+    position: [[[f32; RAYS]; 3]; PACKETS],
+    at: [[[f32; RAYS]; 3]; PACKETS],
+    on: [[u32; RAYS]; PACKETS],
+}
+
+impl Lit {
+    pub(super) fn new() -> Box<Self> {
+        Box::new(Self {
+            lanes: [0; PACKETS],
+            cosine: [[0.0; RAYS]; PACKETS],
+            at: [[[0.0; RAYS]; 3]; PACKETS],
+            sorted: Sorted {
+                count: 0,
+                place: [0; FILM_PIXELS],
+                lanes: [0; PACKETS],
+                position: [[[0.0; RAYS]; 3]; PACKETS],
+                at: [[[0.0; RAYS]; 3]; PACKETS],
+                on: [[0; RAYS]; PACKETS],
+            },
+            beam_stack: Vec::new(),
+            shadow_stack: Vec::new(),
+        })
+    }
+}
+
+/// Adds `radiance` times the cosine to every surface of the layer that sees the light in direction `toward`.
 #[simd]
 pub(super) fn gather<S: Simd>(
     simd: S,
-    structure: &Structure,
-    toward: Vec3,
-    radiance: f32,
-    surfaces: &mut [Surface],
-    stack: &mut Vec<shadows::Entry>,
+    pass: &Pass,
+    (toward, radiance): (Vec3, f32),
+    layer: &mut Layer,
+    scratch: &mut Lit,
+    counts: &mut Counts,
 ) {
-    // Who faces the light, and where it lies across the direction.
-    let (u, v) = toward.any_orthonormal_pair();
-    let mut facing = [0_u16; FILM_PIXELS];
-    let mut cosine = [0.0_f32; FILM_PIXELS];
-    let mut across = [[0.0_f32; 2]; FILM_PIXELS];
-    let (mut low, mut high) = ([f32::INFINITY; 2], [f32::NEG_INFINITY; 2]);
-    let mut count = 0;
-    for (place, surface) in surfaces.iter().enumerate() {
-        let normal = surface.normal;
-        let cos = normal.x * toward.x + normal.y * toward.y + normal.z * toward.z;
-        if cos > 0.0 {
-            let at = [surface.position.dot(u), surface.position.dot(v)];
-            for axis in 0..2 {
-                low[axis] = low[axis].min(at[axis]);
-                high[axis] = high[axis].max(at[axis]);
+    let Some(light) = find_facing(simd, layer, toward, scratch) else { return };
+    match &pass.scene.structure().store {
+        Store::Bvh(bvh) if pass.certified.light_bounds => {
+            for lanes in scratch.lanes {
+                counts.light_points += u64::from(lanes.count_ones());
             }
-            (facing[count], cosine[count], across[count]) = (place as u16, cos, at);
-            count += 1;
+            let spans = Spans::of(simd, &scratch.at, &scratch.lanes);
+            if spans.overlap < MOST_OVERLAP {
+                let points = beams::Points { position: &layer.position, at: &scratch.at, on: &layer.node };
+                let (lit, stack) = (&mut scratch.lanes, &mut scratch.beam_stack);
+                beams::shadow(simd, bvh, &light, points, spans, lit, stack, counts);
+            } else {
+                scratch.sorted.sort(layer, &scratch.at, &scratch.lanes, &spans);
+                let sorted = &mut scratch.sorted;
+                let points = beams::Points { position: &sorted.position, at: &sorted.at, on: &sorted.on };
+                let spans = Spans::of(simd, points.at, &sorted.lanes);
+                let (lit, stack) = (&mut sorted.lanes, &mut scratch.beam_stack);
+                beams::shadow(simd, bvh, &light, points, spans, lit, stack, counts);
+                sorted.put_back(&mut scratch.lanes);
+            }
+        }
+        Store::Bvh(bvh) => {
+            let spans = Spans::of(simd, &scratch.at, &scratch.lanes);
+            scratch.sorted.sort(layer, &scratch.at, &scratch.lanes, &spans);
+            let sorted = &mut scratch.sorted;
+            for packet in 0..sorted.count.div_ceil(RAYS) {
+                let points = shadows::Points { position: &sorted.position[packet], on: &sorted.on[packet] };
+                let all = u32::from(sorted.lanes[packet]);
+                let lit = shadows::unoccluded(simd, bvh, toward, &points, all, &mut scratch.shadow_stack);
+                sorted.lanes[packet] = lit as u16;
+            }
+            sorted.put_back(&mut scratch.lanes);
+        }
+        _ => ask_single_rays(pass.scene.structure(), toward, layer, &mut scratch.lanes),
+    }
+
+    let zero = f32x16::splat(simd, 0.0);
+    for packet in 0..PACKETS {
+        if scratch.lanes[packet] != 0 {
+            let lit = mask32x16::from_bitmask(simd, u64::from(scratch.lanes[packet]));
+            let light = f32x16::load_array_ref(simd, &scratch.cosine[packet]) * f32x16::splat(simd, radiance);
+            let brightness = &mut layer.brightness[packet];
+            (f32x16::load_array_ref(simd, brightness) + lit.select(light, zero)).store_array(brightness);
+        }
+    }
+}
+
+/// Finds which surfaces face the light, and where they lie along and across it; none if none does.
+#[inline(always)]
+fn find_facing<S: Simd>(simd: S, layer: &Layer, toward: Vec3, scratch: &mut Lit) -> Option<Light> {
+    let direction = Lanes3::splat(simd, toward);
+    let mut one = None;
+    for packet in 0..PACKETS {
+        scratch.lanes[packet] = 0;
+        if layer.hits[packet] != 0 {
+            let cosine = Lanes3::load(simd, &layer.normal[packet]).dot(direction);
+            let lanes = cosine.simd_gt(f32x16::splat(simd, 0.0)).to_bitmask() as u16 & layer.hits[packet];
+            if lanes != 0 {
+                one.get_or_insert((packet, lanes.trailing_zeros() as usize));
+                scratch.lanes[packet] = lanes;
+                cosine.store_array(&mut scratch.cosine[packet]);
+            }
         }
     }
 
-    // Sort them by cells along a Morton curve.
-    let scale = [0, 1].map(|axis| CELLS as f32 / (high[axis] - low[axis]).max(f32::MIN_POSITIVE));
-    let mut cell = [0_u8; FILM_PIXELS];
-    let mut starts = [0_u16; CELLS * CELLS + 1];
-    for k in 0..count {
-        let at = |axis: usize| (((across[k][axis] - low[axis]) * scale[axis]) as usize).min(CELLS - 1);
-        cell[k] = MORTON[at(0)] | MORTON[at(1)] << 1;
-        starts[cell[k] as usize + 1] += 1;
+    let (packet, lane) = one?;
+    let [x, y, z] = &layer.position[packet];
+    let mut light = Light::new(toward, Vec3::new(x[lane], y[lane], z[lane]), 0.0);
+    let origin = Lanes3::splat(simd, light.origin);
+    let mut farthest = f32x16::splat(simd, 0.0);
+    for packet in 0..PACKETS {
+        if scratch.lanes[packet] != 0 {
+            let lanes = mask32x16::from_bitmask(simd, u64::from(scratch.lanes[packet]));
+            let offset = Lanes3::load(simd, &layer.position[packet]).minus(origin);
+            let largest = offset.x.abs().max(offset.y.abs()).max(offset.z.abs());
+            farthest = lanes.select(farthest.max(largest), farthest);
+            light.project(simd, offset).store(&mut scratch.at[packet]);
+        }
     }
-    for k in 1..starts.len() {
-        starts[k] += starts[k - 1];
-    }
-    let mut order = [0_u16; FILM_PIXELS];
-    for k in 0..count {
-        let next = &mut starts[cell[k] as usize];
-        order[*next as usize] = k as u16;
-        *next += 1;
-    }
+    light.spread = farthest.reduce_max();
+    Some(light)
+}
 
-    // Sixteen at a time.
-    for packet in order[..count].chunks(RAYS) {
-        let mut points = Points { position: [[0.0; RAYS]; 3], on: [0; RAYS] };
-        for (lane, &k) in packet.iter().enumerate() {
-            let surface = &surfaces[facing[k as usize] as usize];
+impl Sorted {
+    /// Takes the surfaces in the masks `lanes`, by cells along a Morton curve across the light.
+    fn sort(
+        &mut self,
+        layer: &Layer,
+        at: &[[[f32; RAYS]; 3]; PACKETS],
+        lanes: &[u16; PACKETS],
+        spans: &Spans,
+    ) {
+        let scale =
+            [0, 1].map(|axis| CELLS as f32 / (spans.high[axis] - spans.low[axis]).max(f32::MIN_POSITIVE));
+        let mut cells = [0_u8; FILM_PIXELS];
+        let mut places = [0_u16; FILM_PIXELS];
+        let mut starts = [0_u16; CELLS * CELLS + 1];
+        let mut count = 0;
+        for packet in 0..PACKETS {
+            let mut left = lanes[packet];
+            while left != 0 {
+                let lane = left.trailing_zeros() as usize;
+                left &= left - 1;
+                let [x, y] = [0, 1].map(|axis| {
+                    let cell = (at[packet][axis][lane] - spans.low[axis]) * scale[axis];
+                    MORTON[(cell as usize).min(CELLS - 1)]
+                });
+                let cell = x | y << 1;
+                (cells[count], places[count]) = (cell, (packet * RAYS + lane) as u16);
+                starts[cell as usize + 1] += 1;
+                count += 1;
+            }
+        }
+        for k in 1..starts.len() {
+            starts[k] += starts[k - 1];
+        }
+        for (&cell, &place) in cells[..count].iter().zip(&places) {
+            let to = starts[cell as usize] as usize;
+            starts[cell as usize] += 1;
+            self.place[to] = place;
+            let (packet, lane) = (place as usize / RAYS, place as usize % RAYS);
+            let (to_packet, to_lane) = (to / RAYS, to % RAYS);
             for axis in 0..3 {
-                points.position[axis][lane] = surface.position[axis];
+                self.position[to_packet][axis][to_lane] = layer.position[packet][axis][lane];
+                self.at[to_packet][axis][to_lane] = at[packet][axis][lane];
             }
-            points.on[lane] = surface.node;
+            self.on[to_packet][to_lane] = layer.node[packet][lane];
         }
-        let all = ((1_u64 << packet.len()) - 1) as u32;
-        let lit = match &structure.store {
-            Store::Bvh(bvh) => shadows::unoccluded(simd, bvh, toward, &points, all, stack),
-            _ => unoccluded(structure, toward, &points, packet.len()),
-        };
-        for (lane, &k) in packet.iter().enumerate() {
-            if lit >> lane & 1 == 1 {
-                surfaces[facing[k as usize] as usize].brightness += cosine[k as usize] * radiance;
-            }
+        self.count = count;
+        for (packet, lanes) in self.lanes.iter_mut().enumerate() {
+            let left = count.saturating_sub(packet * RAYS).min(RAYS);
+            *lanes = ((1_u32 << left) - 1) as u16;
+        }
+    }
+
+    /// Sets the bits of `lanes` to those of the surfaces in their new packets.
+    fn put_back(&self, lanes: &mut [u16; PACKETS]) {
+        *lanes = [0; PACKETS];
+        for (at, &place) in self.place[..self.count].iter().enumerate() {
+            let lit = self.lanes[at / RAYS] >> (at % RAYS) & 1;
+            lanes[place as usize / RAYS] |= lit << (place as usize % RAYS);
         }
     }
 }
@@ -107,14 +228,17 @@ pub(super) fn gather<S: Simd>(
 const MORTON: [u8; CELLS] =
     [0x00, 0x01, 0x04, 0x05, 0x10, 0x11, 0x14, 0x15, 0x40, 0x41, 0x44, 0x45, 0x50, 0x51, 0x54, 0x55];
 
-/// Which of the first `count` points see past every particle: a ray each.
-fn unoccluded(structure: &Structure, toward: Vec3, points: &Points, count: usize) -> u32 {
-    let mut lit = 0;
-    for lane in 0..count {
-        let [x, y, z] = &points.position;
-        let origin = Vec3::new(x[lane], y[lane], z[lane]);
-        let ray = Ray { origin, direction: toward, t_min: 0.0, t_max: f32::INFINITY };
-        lit |= u32::from(!structure.occluded(&ray, Some(points.on[lane]))) << lane;
+/// Clears the bits of surfaces that do not see past every particle: a ray each.
+fn ask_single_rays(structure: &Structure, toward: Vec3, layer: &Layer, lanes: &mut [u16; PACKETS]) {
+    for (packet, lanes) in lanes.iter_mut().enumerate() {
+        let [x, y, z] = &layer.position[packet];
+        for lane in 0..RAYS {
+            if *lanes >> lane & 1 == 1 {
+                let origin = Vec3::new(x[lane], y[lane], z[lane]);
+                let ray = Ray { origin, direction: toward, t_min: 0.0, t_max: f32::INFINITY };
+                let is_lit = !structure.occluded(&ray, Some(layer.node[packet][lane]));
+                *lanes &= !(u16::from(!is_lit) << lane);
+            }
+        }
     }
-    lit
 }

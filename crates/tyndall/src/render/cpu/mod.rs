@@ -3,17 +3,21 @@
 //! A film tile of 32 x 32 pixels is the unit of work. A pass finds what its rays meet (the tile sample buffer of `tiles` for the
 //! hierarchy, a ray each for other structures), then lights it, sixteen neighboring pixels at a time.
 
+mod beams;
+mod clip;
 mod films;
+mod hits;
 mod lighting;
 mod pass;
 mod shadows;
+mod surfaces;
 mod tiles;
 
-use fearless_simd::{Level, Simd, dispatch, f32x16, mask32x16, prelude::*, u32x16};
+use fearless_simd::{Level, Simd, dispatch, f32x16, mask32x16, prelude::*};
 use fearless_simd_macros::simd;
-use glam::Vec3;
 use rayon::prelude::*;
 
+use super::certified::{Counts, Options};
 use super::shade::{key_radiance, sky_radiance};
 use crate::film::Image;
 use crate::progress::Progress;
@@ -24,10 +28,12 @@ use crate::simd::Lanes3;
 use crate::structure::Store;
 use bytemuck::Zeroable;
 pub(crate) use films::Films;
-use lighting::Surface;
+use hits::{Hits, PACKET_EDGE, PACKETS, pixel_of};
+use lighting::Lit;
 use pass::PATTERN;
 pub(crate) use pass::{Pass, Samples};
-use tiles::{BLOCKS, Beam, EDGE, Entry, RAYS, Tile, block_at};
+use surfaces::{Layer, Met, look_up};
+use tiles::{BLOCKS, Beam, EDGE, Entry, Memory, RAYS, Tile, block_at};
 
 /// Pixels along the edge of a film tile.
 const FILM_EDGE: usize = 32;
@@ -55,25 +61,32 @@ pub(crate) struct Film {
     tiles: Vec<FilmTile>,
     /// Squared distance from the pixel's center of the sample nearest it, by the pixel's place in the pattern of samples.
     nearest_sq: [f32; PATTERN * PATTERN],
-    /// The first sample of the pass begun last, and what was known then.
-    begun: (u32, [f32; PATTERN * PATTERN]),
+    /// The first samples of the passes that were begun, and what was known then.
+    begun: Vec<(u32, [f32; PATTERN * PATTERN])>,
 }
 
 impl Film {
     /// What a pass over this film has to know of the samples before it. A pass that was interrupted can be begun again: it goes on with
     /// the tiles that are left.
-    pub(crate) fn pass<'a>(&mut self, scene: &'a Scene, view: View, added: Samples) -> Pass<'a> {
-        if added.first == 0 {
-            self.nearest_sq.fill(f32::INFINITY);
-        } else if added.first == self.begun.0 {
-            self.nearest_sq = self.begun.1;
+    pub(crate) fn pass<'a>(
+        &mut self,
+        scene: &'a Scene,
+        view: View,
+        added: Samples,
+        certified: Options,
+    ) -> Pass<'a> {
+        if let Some(again) = self.begun.iter().position(|&(first, _)| first == added.first) {
+            self.nearest_sq = self.begun[again].1;
+            self.begun.truncate(again);
         }
-        self.begun = (added.first, self.nearest_sq);
-        Pass::new(scene, view, added, &mut self.nearest_sq)
+        self.begun.push((added.first, self.nearest_sq));
+        Pass::new(scene, view, added, certified, &mut self.nearest_sq)
     }
 
     /// Forgets all samples.
     pub(crate) fn clear(&mut self) {
+        self.begun.clear();
+        self.nearest_sq.fill(f32::INFINITY);
         self.tiles.iter_mut().for_each(|tile| tile.samples = 0);
     }
 
@@ -98,7 +111,7 @@ impl Film {
             (tile.x, tile.y) = (x * FILM_EDGE as u32, y * FILM_EDGE as u32);
         }
         let nearest_sq = [f32::INFINITY; PATTERN * PATTERN];
-        Self { width, height, tiles, nearest_sq, begun: (0, nearest_sq) }
+        Self { width, height, tiles, nearest_sq, begun: Vec::new() }
     }
 
     /// Writes the mean of the samples of each pixel, over the scene's background; nothing but background where there are none.
@@ -164,31 +177,61 @@ impl Film {
 struct Scratch {
     tile: Box<Tile>,
     stack: Vec<Entry>,
-    shadow_stack: Vec<shadows::Entry>,
-    /// By sample: what the film tile's pixels met, where light is traced.
-    surfaces: Vec<Vec<Surface>>,
+    /// By tile of the film tile, where they serve the next pass.
+    memories: Vec<Memory>,
+    /// What the film tile's samples met, where light is traced, and one sample of it.
+    hits: Hits,
+    layer: Box<Layer>,
+    light: Box<Lit>,
+    counts: Counts,
 }
 
-/// Adds a pass to the film. The only place where threads appear: each takes film tiles until none is left.
-pub(crate) fn for_each_tile(film: &mut Film, pass: &Pass, level: Level, progress: &dyn Progress) {
+/// Adds passes to the film, one after the other in each tile. The only place where threads appear: each takes film tiles until
+/// none is left.
+pub(crate) fn for_each_tile(film: &mut Film, passes: &[Pass], level: Level, progress: &dyn Progress) {
     let (width, height) = (film.width, film.height);
+    let samples = passes.iter().map(|pass| pass.lights.len()).max().unwrap_or(0);
     let scratch = || Scratch {
         tile: Tile::new(),
         stack: Vec::new(),
-        shadow_stack: Vec::new(),
-        surfaces: pass.lights.iter().map(|_| Vec::with_capacity(FILM_PIXELS)).collect(),
+        memories: Vec::new(),
+        hits: Hits::new(samples),
+        layer: Layer::new(),
+        light: Lit::new(),
+        counts: Counts::default(),
     };
     film.tiles.par_iter_mut().for_each_init(scratch, |scratch, film_tile| {
-        // A pass that was interrupted has left some tiles.
-        if film_tile.samples != pass.first || progress.cancelled() {
-            return;
-        }
-        dispatch!(level, simd => render_film_tile(simd, pass, film_tile, scratch));
-        film_tile.samples += pass.samples as u32;
         let columns = (width - film_tile.x).min(FILM_EDGE as u32);
         let rows = (height - film_tile.y).min(FILM_EDGE as u32);
-        progress.advance(columns as u64 * rows as u64 * pass.samples as u64);
+        scratch.memories.clear();
+        for pass in passes {
+            if progress.cancelled() {
+                return;
+            }
+            // Passes that were interrupted have left some tiles.
+            if film_tile.samples != pass.first {
+                continue;
+            }
+            if passes.len() > 1 && pass.certified.visible_set {
+                scratch.remember(pass);
+            }
+            dispatch!(level, simd => render_film_tile(simd, pass, film_tile, scratch));
+            film_tile.samples += pass.samples as u32;
+            pass.count(std::mem::take(&mut scratch.counts));
+            progress.advance(u64::from(columns) * u64::from(rows) * pass.samples as u64);
+        }
     });
+}
+
+impl Scratch {
+    /// Makes room for what the tiles of the pass remember; forgets it if the tiles are others than before.
+    fn remember(&mut self, pass: &Pass) {
+        let tiles = (FILM_EDGE / pass.tile_px()).pow(2);
+        if self.memories.len() != tiles {
+            self.memories.clear();
+            self.memories.resize_with(tiles, Memory::default);
+        }
+    }
 }
 
 #[simd]
@@ -196,21 +239,26 @@ fn render_film_tile<S: Simd>(simd: S, pass: &Pass, film_tile: &mut FilmTile, scr
     if pass.first == 0 {
         film_tile.sum = [[0.0; 4]; FILM_PIXELS];
     }
-    for y in (0..FILM_EDGE).step_by(pass.tile_px()) {
-        for x in (0..FILM_EDGE).step_by(pass.tile_px()) {
-            find_hits(simd, pass, (film_tile.x as usize + x, film_tile.y as usize + y), scratch);
+    let tile_px = pass.tile_px();
+    for y in (0..FILM_EDGE).step_by(tile_px) {
+        for x in (0..FILM_EDGE).step_by(tile_px) {
+            let number = y / tile_px * (FILM_EDGE / tile_px) + x / tile_px;
+            find_hits(simd, pass, (film_tile.x as usize + x, film_tile.y as usize + y), number, scratch);
             for block in 0..BLOCKS {
                 let first = (y + block / EDGE * pass.block_px) * FILM_EDGE + x + block % EDGE * pass.block_px;
                 keep_nearest(pass, block, first, film_tile, &scratch.tile);
-                let at = block_at(block % EDGE, block / EDGE);
-                if let Some(met) = look_up(simd, pass, at, &scratch.tile) {
-                    match &pass.scene.lighting {
-                        Lighting::Studio(..) => {
-                            keep(pass, &met, &scratch.tile.node[at], first, &mut scratch.surfaces);
-                        }
-                        _ => draw(simd, pass, &met, first, film_tile),
-                    }
+                if matches!(pass.scene.lighting, Lighting::Studio(..)) {
+                    continue;
                 }
+                let at = block_at(block % EDGE, block / EDGE);
+                let met = (&scratch.tile.depth[at], &scratch.tile.node[at]);
+                let rays = Lanes3::load(simd, &scratch.tile.varying[at]);
+                if let Some(met) = look_up(simd, pass.scene, &pass.view, met, rays) {
+                    draw(simd, pass, &met, first, film_tile);
+                }
+            }
+            if matches!(pass.scene.lighting, Lighting::Studio(..)) {
+                scratch.hits.keep(simd, pass, (x, y), &scratch.tile);
             }
         }
     }
@@ -228,83 +276,24 @@ fn keep_nearest(pass: &Pass, block: usize, first: usize, film_tile: &mut FilmTil
     }
 }
 
-/// Finds what every ray of the tile at pixel `corner` meets.
+/// Finds what every ray of the tile at pixel `corner` meets, which has the place `number` in its film tile.
 #[simd]
-fn find_hits<S: Simd>(simd: S, pass: &Pass, corner: (usize, usize), scratch: &mut Scratch) {
+fn find_hits<S: Simd>(simd: S, pass: &Pass, corner: (usize, usize), number: usize, scratch: &mut Scratch) {
     let tile = &mut scratch.tile;
     tile.clear();
     pass.set_rays(simd, corner, tile);
     match &pass.scene.structure().store {
         Store::Bvh(bvh) => {
             let beam = Beam::new(pass, corner.0 as f32, corner.1 as f32);
-            tiles::walk(simd, bvh, &pass.view, &beam, tile, &mut scratch.stack);
+            let memory = scratch.memories.get_mut(number);
+            tiles::walk(simd, bvh, &pass.view, &beam, tile, &mut scratch.stack, memory);
         }
         _ => {
-            let structure = pass.scene.structure();
             for block in 0..BLOCKS {
-                for lane in 0..RAYS {
-                    if let Some(hit) = structure.intersect(&tile.ray(&pass.view, block, lane), None) {
-                        tile.depth[block][lane] = hit.t;
-                        tile.node[block][lane] = hit.node;
-                    }
-                }
+                clip::find_block(pass, block, tile, &mut scratch.counts);
             }
         }
     }
-}
-
-/// What the sixteen rays of a block met, where they met anything.
-struct Met<S: Simd> {
-    hits: mask32x16<S>,
-    position: Lanes3<f32x16<S>>,
-    normal: Lanes3<f32x16<S>>,
-    /// The cosine between the normal and the way back to the eye.
-    cosine: f32x16<S>,
-    color: Lanes3<f32x16<S>>,
-}
-
-/// Looks up what the rays of the block stored at `at` met; none if they met nothing.
-#[simd]
-fn look_up<S: Simd>(simd: S, pass: &Pass, at: usize, tile: &Tile) -> Option<Met<S>> {
-    let scene = pass.scene;
-    let depth = f32x16::load_array_ref(simd, &tile.depth[at]);
-    let hits = depth.simd_lt(f32x16::splat(simd, f32::INFINITY));
-    let bits = hits.to_bitmask();
-    if bits == 0 {
-        return None;
-    }
-
-    // Neighboring rays often meet the same particle: it is looked up once for all of them.
-    let zero = f32x16::splat(simd, 0.0);
-    let mut center = Lanes3 { x: zero, y: zero, z: zero };
-    let mut radius = zero;
-    let mut color = Lanes3 { x: zero, y: zero, z: zero };
-    let nodes = u32x16::load_array_ref(simd, &tile.node[at]);
-    let mut left = bits;
-    while left != 0 {
-        let node = tile.node[at][left.trailing_zeros() as usize];
-        let same = nodes.simd_eq(u32x16::splat(simd, node));
-        left &= !same.to_bitmask();
-        let sphere = scene.structure().sphere(node);
-        center = Lanes3::splat(simd, sphere.0).where_else(same, center);
-        radius = same.select(f32x16::splat(simd, sphere.1), radius);
-        color = Lanes3::splat(simd, Vec3::from_array(scene.color(node))).where_else(same, color);
-    }
-
-    let varying = Lanes3::load(simd, &tile.varying[at]);
-    let (origin, direction) = if pass.view.perspective {
-        (Lanes3::splat(simd, pass.view.eye), varying)
-    } else {
-        (varying, Lanes3::splat(simd, pass.view.forward))
-    };
-    let outward = origin.plus(direction.times(depth)).minus(center);
-    // A sphere so small that rounding leaves no direction faces the eye.
-    let length_sq = outward.dot(outward);
-    let is_clear = length_sq.simd_gt(f32x16::splat(simd, f32::MIN_POSITIVE));
-    let normal = outward.times(f32x16::splat(simd, 1.0) / length_sq.sqrt());
-    let normal = normal.where_else(is_clear, Lanes3 { x: -direction.x, y: -direction.y, z: -direction.z });
-    let position = center.plus(normal.times(radius));
-    Some(Met { hits, position, normal, cosine: -normal.dot(direction), color })
 }
 
 /// Adds what a block's rays met to the film, by the cosine to the eye or flat; the block's first pixel is `first`.
@@ -336,49 +325,53 @@ fn draw<S: Simd>(simd: S, pass: &Pass, met: &Met<S>, first: usize, film_tile: &m
     }
 }
 
-/// Keeps what a block's rays met until its light can be asked for with that of others.
-fn keep<S: Simd>(pass: &Pass, met: &Met<S>, node: &[u32; RAYS], first: usize, surfaces: &mut [Vec<Surface>]) {
-    let (position, normal, color) = (met.position.to_arrays(), met.normal.to_arrays(), met.color.to_arrays());
-    let mut bits = met.hits.to_bitmask();
-    while bits != 0 {
-        let lane = bits.trailing_zeros() as usize;
-        bits &= bits - 1;
-        let vector = |lanes: &[[f32; RAYS]; 3]| Vec3::new(lanes[0][lane], lanes[1][lane], lanes[2][lane]);
-        surfaces[pass.sample[lane]].push(Surface {
-            position: vector(&position),
-            node: node[lane],
-            normal: vector(&normal),
-            pixel: (first + pass.pixel[lane]) as u32,
-            color: vector(&color),
-            brightness: 0.0,
-        });
-    }
-}
-
 /// Lights all that the film tile's samples met, and adds it to the film.
 #[simd]
 fn light<S: Simd>(simd: S, pass: &Pass, film_tile: &mut FilmTile, scratch: &mut Scratch) {
     let Lighting::Studio(key, sky) = &pass.scene.lighting else {
         return;
     };
-    for (surfaces, light) in scratch.surfaces.iter_mut().zip(&pass.lights) {
+    let corner = (film_tile.x as usize, film_tile.y as usize);
+    for (sample, light) in pass.lights.iter().enumerate() {
+        for packet in 0..PACKETS {
+            let at = packet * pass.samples + sample;
+            let (depth, node) = (&scratch.hits.depth[at], &scratch.hits.node[at]);
+            let rays = pass.packet_rays(simd, corner, packet, sample);
+            let met = look_up(simd, pass.scene, &pass.view, (depth, node), rays);
+            scratch.layer.set(packet, node, met);
+        }
         let lights = [(light.key, key_radiance(key)), (light.sky, sky_radiance(sky, light.sky))];
         for (toward, radiance) in lights.into_iter().filter(|&(_, radiance)| radiance > 0.0) {
-            lighting::gather(
-                simd,
-                pass.scene.structure(),
-                toward,
-                radiance,
-                surfaces,
-                &mut scratch.shadow_stack,
-            );
+            let Scratch { layer, light, counts, .. } = scratch;
+            lighting::gather(simd, pass, (toward, radiance), layer, light, counts);
         }
-        for surface in surfaces.drain(..) {
-            let sum = &mut film_tile.sum[surface.pixel as usize];
-            for (total, color) in sum.iter_mut().zip(surface.color.to_array()) {
-                *total += color * surface.brightness;
+        let layer = &scratch.layer;
+        for packet in (0..PACKETS).filter(|&packet| layer.hits[packet] != 0) {
+            add_lit(simd, layer, packet, film_tile);
+        }
+    }
+}
+
+/// Adds a lit packet to the film.
+#[inline(always)]
+fn add_lit<S: Simd>(simd: S, layer: &Layer, packet: usize, film_tile: &mut FilmTile) {
+    let zero = f32x16::splat(simd, 0.0);
+    let hits = mask32x16::from_bitmask(simd, u64::from(layer.hits[packet]));
+    let brightness = f32x16::load_array_ref(simd, &layer.brightness[packet]);
+    let color = Lanes3::load(simd, &layer.color[packet]).times(brightness);
+    let lights = [
+        hits.select(color.x, zero).to_array(),
+        hits.select(color.y, zero).to_array(),
+        hits.select(color.z, zero).to_array(),
+        hits.select(f32x16::splat(simd, 1.0), zero).to_array(),
+    ];
+    let first = pixel_of(packet, 0);
+    for row in 0..PACKET_EDGE {
+        let sums = &mut film_tile.sum[first + row * FILM_EDGE..][..PACKET_EDGE];
+        for (column, sum) in sums.iter_mut().enumerate() {
+            for (total, light) in sum.iter_mut().zip(&lights) {
+                *total += light[row * PACKET_EDGE + column];
             }
-            sum[3] += 1.0;
         }
     }
 }

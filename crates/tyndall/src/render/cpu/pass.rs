@@ -2,11 +2,15 @@
 //!
 //! Samples and light directions repeat from tile to tile, so that all of it is worked out once a pass.
 
+use std::sync::Mutex;
+
 use fearless_simd::{f32x16, prelude::*};
 use fearless_simd_macros::simd;
 
 use super::FILM_EDGE;
+use super::hits::{PACKET_EDGE, corner_of};
 use super::tiles::{BLOCKS, EDGE, RAYS, Tile, block_at};
+use crate::render::certified::{Counts, Options};
 use crate::render::sampling::{Dimension, point};
 use crate::render::shade::{LightSample, light_sample};
 use crate::scene::Scene;
@@ -54,8 +58,12 @@ pub(crate) struct Pass<'a> {
     /// Where the rays pass through the picture, in pixels from the tile's corner, by the block's place in the tile.
     x: Vec<[f32; RAYS]>,
     y: Vec<[f32; RAYS]>,
-    /// By lane of a block: which sample it is, and how far its pixel lies in a film tile behind the block's first.
-    pub(super) sample: [usize; RAYS],
+    /// The same by packet of the tile, and by sample in each packet; see `hits`.
+    packet_x: Vec<[f32; RAYS]>,
+    packet_y: Vec<[f32; RAYS]>,
+    /// Which proofs of being hidden are sought.
+    pub(super) certified: Options,
+    /// By lane of a block: how far its pixel lies in a film tile behind the block's first.
     pub(super) pixel: [usize; RAYS],
     /// The first of its samples: what the film has before it.
     pub(super) first: u32,
@@ -63,6 +71,7 @@ pub(crate) struct Pass<'a> {
     pub(super) nearest: Vec<Vec<usize>>,
     /// Light directions by sample, the same for all pixels.
     pub(super) lights: Vec<LightSample>,
+    counts: Mutex<Counts>,
 }
 
 impl<'a> Pass<'a> {
@@ -71,6 +80,7 @@ impl<'a> Pass<'a> {
         scene: &'a Scene,
         view: View,
         added: Samples,
+        certified: Options,
         nearest_sq: &mut [f32; PATTERN * PATTERN],
     ) -> Self {
         let samples = added.count as usize;
@@ -80,6 +90,7 @@ impl<'a> Pass<'a> {
             _ => 1,
         };
         let (mut x, mut y) = (vec![[0.0; RAYS]; BLOCKS], vec![[0.0; RAYS]; BLOCKS]);
+        let (mut packet_x, mut packet_y) = (x.clone(), y.clone());
         let before_sq = *nearest_sq;
         let mut nearest = vec![Vec::new(); BLOCKS];
         for block in 0..BLOCKS {
@@ -95,6 +106,9 @@ impl<'a> Pass<'a> {
                     point(added.seed, Dimension::Pixel, 1 + place as u32, added.first + sample as u32)
                 };
                 (x[block][lane], y[block][lane]) = (column as f32 + offset[0], row as f32 + offset[1]);
+                let packet = row / PACKET_EDGE * (EDGE * block_px / PACKET_EDGE) + column / PACKET_EDGE;
+                let at = (packet * samples + sample, row % PACKET_EDGE * PACKET_EDGE + column % PACKET_EDGE);
+                (packet_x[at.0][at.1], packet_y[at.0][at.1]) = (x[block][lane], y[block][lane]);
                 let center_sq = (offset[0] - 0.5).powi(2) + (offset[1] - 0.5).powi(2);
                 if center_sq < before_sq[place] && nearest_lanes[pixel].is_none_or(|(_, sq)| center_sq < sq) {
                     nearest_lanes[pixel] = Some((lane, center_sq));
@@ -103,7 +117,6 @@ impl<'a> Pass<'a> {
             }
             nearest[block] = nearest_lanes.into_iter().flatten().map(|(lane, _)| lane).collect();
         }
-        let sample = std::array::from_fn(|lane| lane % samples);
         let pixel = std::array::from_fn(|lane| {
             let pixel = lane / samples;
             pixel / block_px * FILM_EDGE + pixel % block_px
@@ -123,11 +136,29 @@ impl<'a> Pass<'a> {
             block_px,
             x,
             y,
-            sample,
+            packet_x,
+            packet_y,
+            certified,
             pixel,
             nearest,
             lights,
+            counts: Mutex::default(),
         }
+    }
+
+    /// Adds what was counted in a film tile.
+    pub(super) fn count(&self, counts: Counts) {
+        *self.counts.lock().expect("no panic while it is held") += counts;
+    }
+
+    /// What was counted so far.
+    pub(crate) fn counts(&self) -> Counts {
+        *self.counts.lock().expect("no panic while it is held")
+    }
+
+    /// How many samples the film has after it.
+    pub(crate) fn end(&self) -> u32 {
+        self.first + self.samples as u32
     }
 
     /// Pixels along the edge of a tile.
@@ -135,26 +166,50 @@ impl<'a> Pass<'a> {
         EDGE * self.block_px
     }
 
-    /// Sets the rays of the tile whose upper left corner is pixel `corner`: [`View::ray`] on lanes.
+    /// Sets the rays of the tile whose upper left corner is pixel `corner`.
     #[simd]
     pub(super) fn set_rays<S: Simd>(&self, simd: S, corner: (usize, usize), tile: &mut Tile) {
-        let view = &self.view;
         for block in 0..BLOCKS {
             let x = f32x16::load_array_ref(simd, &self.x[block]) + corner.0 as f32;
             let y = f32x16::load_array_ref(simd, &self.y[block]) + corner.1 as f32;
-            let u = x * view.pixel + view.left;
-            let v = f32x16::splat(simd, view.top) - y * view.pixel;
-            let across = Lanes3 {
-                x: u * view.right.x + v * view.up.x,
-                y: u * view.right.y + v * view.up.y,
-                z: u * view.right.z + v * view.up.z,
-            };
-            let base = if view.perspective { view.forward } else { view.eye };
-            let mut varying = across.plus(Lanes3::splat(simd, base));
-            if view.perspective {
-                varying = varying.times(f32x16::splat(simd, 1.0) / varying.dot(varying).sqrt());
-            }
-            varying.store(&mut tile.varying[block_at(block % EDGE, block / EDGE)]);
+            varying(simd, &self.view, x, y).store(&mut tile.varying[block_at(block % EDGE, block / EDGE)]);
         }
     }
+
+    /// The rays of sample `sample` through a packet of the film tile whose upper left corner is pixel `corner`.
+    #[inline(always)]
+    pub(super) fn packet_rays<S: Simd>(
+        &self,
+        simd: S,
+        corner: (usize, usize),
+        packet: usize,
+        sample: usize,
+    ) -> Lanes3<f32x16<S>> {
+        let [x, y] = corner_of(packet);
+        let edge = self.tile_px();
+        let inside = y % edge / PACKET_EDGE * (edge / PACKET_EDGE) + x % edge / PACKET_EDGE;
+        let at = inside * self.samples + sample;
+        let tile = ((corner.0 + x - x % edge) as f32, (corner.1 + y - y % edge) as f32);
+        let x = f32x16::load_array_ref(simd, &self.packet_x[at]) + tile.0;
+        let y = f32x16::load_array_ref(simd, &self.packet_y[at]) + tile.1;
+        varying(simd, &self.view, x, y)
+    }
+}
+
+/// Origins (orthographic) or directions (perspective) of rays through the picture at (x, y) pixels: [`View::ray`] on lanes.
+#[inline(always)]
+fn varying<S: Simd>(simd: S, view: &View, x: f32x16<S>, y: f32x16<S>) -> Lanes3<f32x16<S>> {
+    let u = x * view.pixel + view.left;
+    let v = f32x16::splat(simd, view.top) - y * view.pixel;
+    let across = Lanes3 {
+        x: u * view.right.x + v * view.up.x,
+        y: u * view.right.y + v * view.up.y,
+        z: u * view.right.z + v * view.up.z,
+    };
+    let base = if view.perspective { view.forward } else { view.eye };
+    let varying = across.plus(Lanes3::splat(simd, base));
+    if view.perspective {
+        return varying.times(f32x16::splat(simd, 1.0) / varying.dot(varying).sqrt());
+    }
+    varying
 }

@@ -14,9 +14,9 @@ use crate::structure::bvh::{Bvh, LEAF, Place, push_sorted};
 
 /// Points from which light is looked for, by axis, and the nodes of the particles on which they lie, which do not shadow them.
 #[derive(Clone, Copy)]
-pub(super) struct Points {
-    pub(super) position: [[f32; RAYS]; 3],
-    pub(super) on: [u32; RAYS],
+pub(super) struct Points<'a> {
+    pub(super) position: &'a [[f32; RAYS]; 3],
+    pub(super) on: &'a [u32; RAYS],
 }
 
 /// What the lit points span: a rectangle across the direction, and the depth of the first of them along it.
@@ -63,19 +63,28 @@ impl Span {
 }
 
 /// Coordinates across and along a direction, measured from a point near those that look for light.
-struct Light {
+pub(super) struct Light {
     /// Two axes across, and the direction toward the light.
     across: [Vec3; 2],
-    toward: Vec3,
-    origin: Vec3,
+    pub(super) toward: Vec3,
+    pub(super) origin: Vec3,
     /// Largest distance from `origin` to a point, in each coordinate.
-    spread: f32,
+    pub(super) spread: f32,
 }
 
 impl Light {
+    pub(super) fn new(toward: Vec3, origin: Vec3, spread: f32) -> Self {
+        let (u, v) = toward.any_orthonormal_pair();
+        Self { across: [u, v], toward, origin, spread }
+    }
+
     /// Coordinates of points measured from the origin.
     #[inline(always)]
-    fn project<S: Simd, V: SimdFloat<S, Element = f32>>(&self, simd: S, center: Lanes3<V>) -> Lanes3<V> {
+    pub(super) fn project<S: Simd, V: SimdFloat<S, Element = f32>>(
+        &self,
+        simd: S,
+        center: Lanes3<V>,
+    ) -> Lanes3<V> {
         Lanes3 {
             x: center.along(simd, self.across[0]),
             y: center.along(simd, self.across[1]),
@@ -85,7 +94,11 @@ impl Light {
 
     /// How far things reach along each coordinate.
     #[inline(always)]
-    fn reach<S: Simd, V: SimdFloat<S, Element = f32>>(&self, simd: S, thing: impl Reach<S, V>) -> Lanes3<V> {
+    pub(super) fn reach<S: Simd, V: SimdFloat<S, Element = f32>>(
+        &self,
+        simd: S,
+        thing: impl Reach<S, V>,
+    ) -> Lanes3<V> {
         Lanes3 {
             x: thing.reach(simd, self.across[0]),
             y: thing.reach(simd, self.across[1]),
@@ -107,10 +120,8 @@ pub(super) fn unoccluded<S: Simd>(
     let Some(root) = bvh.root().filter(|_| lit != 0) else { return lit };
     let one = lit.trailing_zeros() as usize;
     let origin = Vec3::new(points.position[0][one], points.position[1][one], points.position[2][one]);
-    let offset = Lanes3::load(simd, &points.position).minus(Lanes3::splat(simd, origin));
-    let (u, v) = toward_light.any_orthonormal_pair();
-    let spread = farthest(simd, &offset, lit);
-    let light = Light { across: [u, v], toward: toward_light, origin, spread };
+    let offset = Lanes3::load(simd, points.position).minus(Lanes3::splat(simd, origin));
+    let light = Light::new(toward_light, origin, farthest(simd, &offset, lit));
     let projected = light.project(simd, offset);
     let span = Span::of(simd, &projected, lit);
 
@@ -144,7 +155,7 @@ pub(super) struct Entry {
 
 /// The largest coordinate, of either sign, of the points in the mask.
 #[inline(always)]
-fn farthest<S: Simd>(simd: S, offset: &Lanes3<f32x16<S>>, lit: u32) -> f32 {
+pub(super) fn farthest<S: Simd>(simd: S, offset: &Lanes3<f32x16<S>>, lit: u32) -> f32 {
     let farthest = offset.x.abs().max(offset.y.abs()).max(offset.z.abs());
     let lit = mask32x16::from_bitmask(simd, lit as u64);
     lit.select(farthest, f32x16::splat(simd, 0.0)).reduce_max()
@@ -216,7 +227,7 @@ fn shadow_of_leaf<S: Simd>(
         while left != 0 {
             let lane = left.trailing_zeros() as usize;
             left &= left - 1;
-            let [x, y, z] = &points.position;
+            let [x, y, z] = points.position;
             let origin = Lanes3::splat(simd, Vec3::new(x[lane], y[lane], z[lane]));
             let (t, meets) = enter_sphere(simd, particles.minus(origin), direction, radius * radius);
             let other = !nodes.simd_eq(u32x16::splat(simd, points.on[lane]));
@@ -225,8 +236,8 @@ fn shadow_of_leaf<S: Simd>(
         }
     } else {
         // Few particles: each against the sixteen points.
-        let on = u32x16::load_array_ref(simd, &points.on);
-        let origin = Lanes3::load(simd, &points.position);
+        let on = u32x16::load_array_ref(simd, points.on);
+        let origin = Lanes3::load(simd, points.position);
         let radius = radius.to_array();
         let [x, y, z] = &particles.to_arrays();
         while kept != 0 && shadowed & lanes != lanes {

@@ -226,9 +226,9 @@ fn project<S: Simd, V: SimdFloat<S, Element = f32>>(
 }
 
 impl<V> Shadow<V> {
-    /// Which lanes touch each quad that is still open in front of them, as one bit mask a quad.
+    /// Which lanes touch each quad, as one bit mask a quad; and of those the ones in front of which it is still open.
     #[inline(always)]
-    fn open_quads<S: Simd>(&self, simd: S, tile: &Tile) -> [u32; QUADS]
+    fn touched_quads<S: Simd>(&self, simd: S, tile: &Tile) -> [[u32; QUADS]; 2]
     where
         V: SimdFloat<S, Element = f32>,
     {
@@ -239,12 +239,14 @@ impl<V> Shadow<V> {
         let touches = inside_x & inside_y & self.far.simd_gt(zero);
         let across = [self.low[0].simd_le(zero), self.high[0].simd_ge(zero)];
         let down = [self.low[1].simd_le(zero), self.high[1].simd_ge(zero)];
-        let mut open = [0; QUADS];
-        for (quad, open) in open.iter_mut().enumerate() {
+        let mut quads = [[0; QUADS]; 2];
+        for quad in 0..QUADS {
             let in_front = self.near.simd_le(V::simd_from(simd, tile.quad_depth[quad]));
-            *open = (touches & in_front & across[quad % 2] & down[quad / 2]).to_bitmask() as u32;
+            let touched = touches & across[quad % 2] & down[quad / 2];
+            quads[0][quad] = touched.to_bitmask() as u32;
+            quads[1][quad] = (touched & in_front).to_bitmask() as u32;
         }
-        open
+        quads
     }
 }
 
@@ -284,15 +286,27 @@ impl<S: Simd> Shadow<f32x16<S>> {
     }
 }
 
-/// A subtree that is still to be walked.
+/// A subtree that touches the tile, and where it starts.
 #[derive(Clone, Copy)]
 pub(super) struct Entry {
-    near: f32,
-    place: Place,
-    quads: u8,
+    pub(super) near: f32,
+    pub(super) place: Place,
+    /// The quads that it touches, and those of them that were open in front of it when it was met.
+    pub(super) touched: u8,
+    open: u8,
 }
 
-/// Finds what every ray of the tile meets. `stack` is scratch.
+/// What a walk went through, for the next one of the same tile: every particle that touches the tile is in one of the leaves
+/// that were drawn or in one of the subtrees behind. So the next walk needs no node but those that are no longer behind.
+#[derive(Default)]
+pub(super) struct Memory {
+    /// In the order in which they were drawn.
+    pub(super) leaves: Vec<Entry>,
+    /// What lay behind every ray that it touches.
+    pub(super) behind: Vec<Entry>,
+}
+
+/// Finds what every ray of the tile meets, and remembers what it went through if a memory is given. `stack` is scratch.
 #[simd]
 pub(super) fn walk<S: Simd>(
     simd: S,
@@ -301,22 +315,49 @@ pub(super) fn walk<S: Simd>(
     beam: &Beam,
     tile: &mut Tile,
     stack: &mut Vec<Entry>,
+    mut memory: Option<&mut Memory>,
 ) {
     stack.clear();
-    stack.extend(bvh.root().map(|place| Entry { near: 0.0, place, quads: 0b1111 }));
-    while let Some(entry) = stack.pop() {
-        if !tile.is_open(entry.near, entry.quads) {
-            continue;
+    if let Some(memory) = memory.as_deref_mut().filter(|memory| !memory.leaves.is_empty()) {
+        // Once more the leaves of the walk before; then what is no longer hidden behind them.
+        for entry in &memory.leaves {
+            if tile.is_open(entry.near, entry.touched) {
+                draw_leaf(simd, bvh, entry.place.index as usize, view, beam, tile);
+            }
         }
-        if entry.place.level == 0 {
+        let mut at = 0;
+        while at < memory.behind.len() {
+            let entry = memory.behind[at];
+            if tile.is_open(entry.near, entry.touched) {
+                memory.behind.swap_remove(at);
+                stack.push(Entry { open: entry.touched, ..entry });
+            } else {
+                at += 1;
+            }
+        }
+    } else {
+        if let Some(memory) = memory.as_deref_mut() {
+            memory.behind.clear();
+        }
+        stack.extend(bvh.root().map(|place| Entry { near: 0.0, place, touched: 0b1111, open: 0b1111 }));
+    }
+    while let Some(entry) = stack.pop() {
+        if !tile.is_open(entry.near, entry.open) {
+            if let Some(memory) = memory.as_deref_mut() {
+                memory.behind.push(entry);
+            }
+        } else if entry.place.level == 0 {
             draw_leaf(simd, bvh, entry.place.index as usize, view, beam, tile);
+            if let Some(memory) = memory.as_deref_mut() {
+                memory.leaves.push(entry);
+            }
         } else {
-            push_children(simd, bvh, entry.place, beam, tile, stack);
+            push_children(simd, bvh, entry.place, beam, tile, stack, memory.as_deref_mut());
         }
     }
 }
 
-/// Pushes the children that can matter, the nearest last.
+/// Pushes the children that can matter, the nearest last; remembers those that lie behind.
 #[simd]
 fn push_children<S: Simd>(
     simd: S,
@@ -325,24 +366,47 @@ fn push_children<S: Simd>(
     beam: &Beam,
     tile: &Tile,
     stack: &mut Vec<Entry>,
+    memory: Option<&mut Memory>,
 ) {
     let margin = HIT_ROUNDING * beam.spread + bvh.slack;
     let (center, half) = bvh.node(place).decode(simd, beam.eye, margin);
     let shadow = project(simd, beam, center, half);
-    let quads = shadow.open_quads(simd, tile);
-    let mut kept = (quads[0] | quads[1] | quads[2] | quads[3]) & bvh.shown_children(place);
+    let [touched, open] = shadow.touched_quads(simd, tile);
+    let existing = bvh.shown_children(place);
+    let mut kept = (open[0] | open[1] | open[2] | open[3]) & existing;
     let near = shadow.near.to_array();
+    if let Some(memory) = memory {
+        let mut behind = (touched[0] | touched[1] | touched[2] | touched[3]) & existing & !kept;
+        while behind != 0 {
+            let child = behind.trailing_zeros() as usize;
+            behind &= behind - 1;
+            let place = bvh.child(place, child);
+            memory.behind.push(Entry {
+                near: near[child],
+                place,
+                touched: of_child(&touched, child),
+                open: 0,
+            });
+        }
+    }
     let first = stack.len();
     while kept != 0 {
         let child = kept.trailing_zeros() as usize;
         kept &= kept - 1;
-        let mut mask = 0;
-        for (quad, open) in quads.iter().enumerate() {
-            mask |= (open >> child & 1) << quad;
-        }
-        let entry = Entry { near: near[child], place: bvh.child(place, child), quads: mask as u8 };
+        let (touched, open) = (of_child(&touched, child), of_child(&open, child));
+        let entry = Entry { near: near[child], place: bvh.child(place, child), touched, open };
         push_sorted(stack, first, entry, |entry| entry.near);
     }
+}
+
+/// The quads that have the bit of `child` set.
+#[inline(always)]
+fn of_child(quads: &[u32; QUADS], child: usize) -> u8 {
+    let mut mask = 0;
+    for (quad, bits) in quads.iter().enumerate() {
+        mask |= (bits >> child & 1) << quad;
+    }
+    mask as u8
 }
 
 /// Draws the particles of a leaf into the tile.
@@ -353,8 +417,8 @@ fn draw_leaf<S: Simd>(simd: S, bvh: &Bvh, leaf: usize, view: &View, beam: &Beam,
     let centers = bvh.centers(simd, leaf);
     let center = centers.minus(Lanes3::splat(simd, beam.eye));
     let shadow = project(simd, beam, center, Ball(grown(simd, radius, center, beam.spread)));
-    let quads = shadow.open_quads(simd, tile);
-    let mut kept = (quads[0] | quads[1] | quads[2] | quads[3]) & bvh.shown(leaf);
+    let [_, open] = shadow.touched_quads(simd, tile);
+    let mut kept = (open[0] | open[1] | open[2] | open[3]) & bvh.shown(leaf);
     if let Some(block_px) = beam.centers {
         kept &= shadow.holds_centers(simd, block_px);
     }

@@ -8,17 +8,21 @@
 
 mod builder;
 
+use std::borrow::Cow;
+
 use glam::Vec3;
 
 use self::builder::Builder;
 use super::field::{cell, trilinear};
 use super::gather::Radius;
 use super::harmonics::{self, count};
+use super::lit::{Lights, LitBricks, Spectrum};
 use super::photons;
 use crate::error::Result;
-use crate::medium::grid::Lattice;
+use crate::medium::grid::{EDGE, Lattice};
 use crate::medium::{Light, Medium, Phase};
 use crate::progress::Progress;
+use crate::scene::camera::View;
 
 /// The knobs of the cache.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -41,8 +45,9 @@ pub enum Multiple {
     /// By sweeps: without noise.
     #[default]
     Sweeps,
-    /// From photons.
-    Photons(photons::Settings, Radius),
+    /// From photons, gathered within a radius; the mean of so many passes, each with photons of its own and a smaller radius than the
+    /// one before, at least 1.
+    Photons(photons::Settings, Radius, u32),
     /// Not at all: light is scattered once.
     None,
 }
@@ -58,13 +63,33 @@ impl Default for Settings {
 pub struct Cache {
     albedo: Vec3,
     phase: Phase,
-    /// Lights that are looked up on their own.
-    direct: Vec<Direct>,
+    /// Distant lights, looked up on their own.
+    far: Vec<Direct>,
+    /// Lights at places: how bright they are changes too fast near them to be kept at samples.
+    near: Vec<Direct>,
     /// Everything else: coefficients of radiance, interleaved.
     lattice: Lattice,
     smooth: Vec<f32>,
     order: usize,
     channels: Channels,
+    /// All but the near lights at the samples of the density, where that is the same from everywhere.
+    lit: Option<Lit>,
+}
+
+/// Density and light, ready for the march.
+#[derive(Clone, Debug)]
+pub(super) enum Lit {
+    /// Of one color.
+    Grey(LitBricks<f32>, Hue),
+    Colored(LitBricks<Vec3>),
+}
+
+/// The color of all light.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Hue {
+    /// A channel in which the color is 1.
+    pub(super) channel: usize,
+    pub(super) color: Vec3,
 }
 
 /// A light without extent, and how much of it reaches the samples.
@@ -119,14 +144,6 @@ impl Channels {
     }
 }
 
-/// What the march knows of a ray once for all its points.
-#[derive(Clone, Copy, Debug)]
-pub struct Toward {
-    direction: Vec3,
-    /// What each coefficient of radiance adds in this direction.
-    weights: [f32; harmonics::COUNT],
-}
-
 impl Cache {
     /// Lights a medium. Fails with [`crate::Error::Setting`] if a knob is out of range, and when interrupted.
     pub fn new(
@@ -141,25 +158,45 @@ impl Cache {
         Ok(builder.finish(direct, fields))
     }
 
-    /// The radiance that scattering adds at a point, per extinction, to light that travels to where `toward` comes from.
-    #[inline(always)]
-    pub fn scattered(&self, at: Vec3, toward: &Toward) -> Vec3 {
-        let mut sum = self.smooth(at, toward);
-        for direct in &self.direct {
-            sum += direct.scattered(at, self.phase, toward);
+    /// Density and light as `view` sees them: without the lights that [`Cache::near`] adds.
+    pub(super) fn seen(&self, medium: &Medium, view: &View) -> Cow<'_, Lit> {
+        match &self.lit {
+            Some(lit) => Cow::Borrowed(lit),
+            None => Cow::Owned(self.lit(medium, Some(view))),
         }
-        self.albedo * sum
     }
 
-    /// Prepares for the points of a ray; `direction` is where the ray goes, against the light.
-    pub fn toward(&self, direction: Vec3) -> Toward {
-        Toward { direction, weights: harmonics::scattered(-direction, self.phase.g()) }
+    /// All but the near lights at the samples of the density, as it is seen in a view, or from anywhere.
+    fn lit(&self, medium: &Medium, view: Option<&View>) -> Lit {
+        let grid = medium.density();
+        let seen = Seen { cache: self, lattice: grid.lattice(), view };
+        match self.channels {
+            Channels::One(channel, color) => Lit::Grey(LitBricks::new(grid, &seen), Hue { channel, color }),
+            Channels::Three => Lit::Colored(LitBricks::new(grid, &seen)),
+        }
+    }
+
+    /// Whether [`Cache::near`] has anything to add.
+    #[inline(always)]
+    pub(super) fn has_near(&self) -> bool {
+        !self.near.is_empty()
+    }
+
+    /// The radiance that scattering of lights at places adds at a point, per extinction, to light that travels against
+    /// `direction`.
+    pub(super) fn near(&self, at: Vec3, direction: Vec3) -> Vec3 {
+        self.albedo * self.near.iter().map(|light| light.scattered(at, self.phase, direction)).sum::<Vec3>()
     }
 
     /// Memory that it takes.
     pub fn bytes(&self) -> u64 {
-        let direct: usize = self.direct.iter().map(|it| it.transmittance.len()).sum();
-        4 * (direct + self.smooth.len()) as u64
+        let direct: usize = self.far.iter().chain(&self.near).map(|it| it.transmittance.len()).sum();
+        let lit = match &self.lit {
+            Some(Lit::Grey(bricks, _)) => bricks.bytes(),
+            Some(Lit::Colored(bricks)) => bricks.bytes(),
+            None => 0,
+        };
+        4 * (direct + self.smooth.len()) as u64 + lit
     }
 
     /// Samples of the lattice of what is smooth.
@@ -168,19 +205,17 @@ impl Cache {
     }
 
     #[inline(always)]
-    fn smooth(&self, at: Vec3, toward: &Toward) -> Vec3 {
+    fn smooth(&self, at: Vec3, weights: &[f32; harmonics::COUNT]) -> Vec3 {
         let number = count(self.order);
         match self.channels {
             Channels::One(_, color) if number == 1 => {
-                toward.weights[0] * trilinear(&self.lattice, &self.smooth, at) * color
+                weights[0] * trilinear(&self.lattice, &self.smooth, at) * color
             }
             Channels::One(_, color) => {
-                let [sum] = interpolate::<1>(&self.lattice, &self.smooth, number, &toward.weights, at);
+                let [sum] = interpolate::<1>(&self.lattice, &self.smooth, number, weights, at);
                 sum * color
             }
-            Channels::Three => {
-                Vec3::from(interpolate::<3>(&self.lattice, &self.smooth, number, &toward.weights, at))
-            }
+            Channels::Three => Vec3::from(interpolate::<3>(&self.lattice, &self.smooth, number, weights, at)),
         }
     }
 }
@@ -213,15 +248,43 @@ fn interpolate<const N: usize>(
 }
 
 impl Direct {
+    /// The radiance that scattering adds to light that travels against `direction`.
     #[inline(always)]
-    fn scattered(&self, at: Vec3, phase: Phase, toward: &Toward) -> Vec3 {
+    fn scattered(&self, at: Vec3, phase: Phase, direction: Vec3) -> Vec3 {
         let arrival = self.light.toward(at, [0.5; 2]);
         let transmittance = match self.channels {
             1 => Vec3::splat(trilinear(&self.lattice, &self.transmittance, at)),
             _ => Vec3::from(interpolate::<3>(&self.lattice, &self.transmittance, 1, &[1.0], at)),
         };
         // Both point away from the scattering: light came the other way along one of them.
-        let cosine = arrival.toward.dot(toward.direction);
-        phase.evaluate(cosine) * transmittance * arrival.light
+        phase.evaluate(arrival.toward.dot(direction)) * transmittance * arrival.light
+    }
+}
+
+/// The light of a cache at the samples of the density.
+struct Seen<'a> {
+    cache: &'a Cache,
+    lattice: Lattice,
+    view: Option<&'a View>,
+}
+
+impl<L: Spectrum> Lights<L> for Seen<'_> {
+    #[inline(always)]
+    fn row(&self, first: [u32; 3], row: &mut [L; EDGE]) {
+        let Cache { albedo, phase, channels, .. } = *self.cache;
+        let channel = match channels {
+            Channels::One(channel, _) => channel,
+            Channels::Three => 0,
+        };
+        for (place, light) in row.iter_mut().enumerate() {
+            let at = self.lattice.position([first[0] + place as u32, first[1], first[2]]);
+            // What is the same from everywhere may be seen from anywhere.
+            let direction = self.view.map_or(Vec3::Z, |view| view.toward(at));
+            let mut sum = self.cache.smooth(at, &harmonics::scattered(-direction, phase.g()));
+            for far in &self.cache.far {
+                sum += far.scattered(at, phase, direction);
+            }
+            *light = L::of(albedo * sum, channel);
+        }
     }
 }

@@ -1,8 +1,11 @@
 //! How much medium lies between every sample of a lattice and a light without extent: by columns along the light, each of which
 //! hands its sum from plane to plane, instead of one march a sample.
 //!
-//! Columns of a distant light are parallel and cross the planes of the lattice's samples; those of a light at a point spread from it
-//! in six pyramids, one a face of a cube around it. A sample looks between four columns, so that shadows stay as sharp as the lattice.
+//! Columns of a distant light are parallel and cross the planes of the lattice's samples (`parallel.rs`); those of a light at a point
+//! spread from it in six pyramids, one a face of a cube around it. A sample looks between four columns, so that shadows stay as
+//! sharp as the lattice.
+
+mod parallel;
 
 use glam::{UVec3, Vec3};
 use rayon::prelude::*;
@@ -22,38 +25,34 @@ pub(super) enum Source {
 /// The integral of `density` between each of its samples and the source.
 pub(super) fn thickness(density: &Field, source: Source) -> Field {
     let lattice = density.lattice;
-    let bundles: Vec<Bundle> = match source {
-        Source::Distant(along) => vec![Bundle::parallel(density, along)],
-        Source::Near(position) => {
-            (0..6).filter_map(|face| Bundle::pyramid(density, position, face)).collect()
-        }
+    let position = match source {
+        Source::Distant(along) => return parallel::thickness(density, along),
+        Source::Near(position) => position,
     };
-    let look_up = |at: Vec3| match source {
-        Source::Distant(_) => bundles[0].look_up(at),
-        Source::Near(position) => {
-            let offset = at - position;
-            let axis = offset.abs().max_position();
-            let ahead = offset[axis] >= 0.0;
-            let bundle = bundles.iter().find(|it| it.axis == axis && (it.sign > 0.0) == ahead);
-            bundle.map_or(0.0, |bundle| bundle.look_up(at))
-        }
+    let bundles: Vec<Bundle> = (0..6).filter_map(|face| Bundle::pyramid(density, position, face)).collect();
+    let look_up = |at: Vec3| {
+        let offset = at - position;
+        let axis = offset.abs().max_position();
+        let ahead = offset[axis] >= 0.0;
+        let bundle = bundles.iter().find(|it| it.axis == axis && (it.sign > 0.0) == ahead);
+        bundle.map_or(0.0, |bundle| bundle.look_up(at))
     };
     let value = |place: usize| look_up(lattice.position(sample(&lattice, place)));
     let values = (0..lattice.sample_count() as usize).into_par_iter().with_min_len(4096).map(value).collect();
     Field { lattice, values }
 }
 
-/// Columns that cross the same planes.
+/// Columns from a light through one face of a cube around it.
 struct Bundle {
+    position: Vec3,
     /// The axis across the planes, and whether light goes along or against it.
     axis: usize,
     sign: f32,
-    spread: Spread,
     /// Distance of planes.
     spacing: f32,
-    /// The first plane and the first column, in the units of `spread`.
+    /// The slopes of the first column, and the distance of the first plane from the light.
     first: Vec3,
-    /// Distance of columns in the same units.
+    /// Difference of neighbors' slopes.
     step: f32,
     /// Columns across and up, and planes.
     size: [usize; 3],
@@ -61,45 +60,7 @@ struct Bundle {
     sums: Vec<f32>,
 }
 
-/// What tells the columns of a bundle apart.
-enum Spread {
-    /// Where they cross the plane through the world's origin; along the light they move by these slopes.
-    Parallel([f32; 2]),
-    /// Their slopes away from this point.
-    Pyramid(Vec3),
-}
-
 impl Bundle {
-    /// Columns through the samples of the plane where light enters, and as many more as the others need.
-    fn parallel(density: &Field, along: Vec3) -> Self {
-        let Lattice { origin, spacing, size } = density.lattice;
-        let axis = along.abs().max_position();
-        let [a, b] = across(axis);
-        let sign = along[axis].signum();
-        let slopes = [along[a] / along[axis].abs(), along[b] / along[axis].abs()];
-        let last = origin + spacing * (UVec3::from_array(size) - UVec3::ONE).as_vec3();
-        let entry = if sign > 0.0 { origin[axis] } else { -last[axis] };
-        let depth = spacing * (size[axis] - 1) as f32;
-        // Columns that start beside the lattice come in further down.
-        let range = |axis: usize, slope: f32| {
-            let steps = (depth * slope.abs() / spacing).ceil();
-            let low = origin[axis] - slope * entry - if slope > 0.0 { steps * spacing } else { 0.0 };
-            (low, size[axis] as usize + steps as usize)
-        };
-        let ((low_a, count_a), (low_b, count_b)) = (range(a, slopes[0]), range(b, slopes[1]));
-        Self {
-            axis,
-            sign,
-            spread: Spread::Parallel(slopes),
-            spacing,
-            first: Vec3::new(low_a, low_b, entry),
-            step: spacing,
-            size: [count_a, count_b, size[axis] as usize],
-            sums: Vec::new(),
-        }
-        .filled(density)
-    }
-
     /// Columns from a point through one face of a cube around it; `None` if the lattice does not reach there.
     fn pyramid(density: &Field, position: Vec3, face: usize) -> Option<Self> {
         let Lattice { origin, spacing, size } = density.lattice;
@@ -129,9 +90,9 @@ impl Bundle {
         let start = (near / spacing).floor() * spacing;
         let planes = ((far - start) / spacing).ceil() as usize + 2;
         let bundle = Self {
+            position,
             axis,
             sign,
-            spread: Spread::Pyramid(position),
             spacing,
             first: Vec3::new(low_a, low_b, start),
             step,
@@ -141,23 +102,14 @@ impl Bundle {
         Some(bundle.filled(density))
     }
 
-    /// Where column (u, v) crosses the plane at `depth`, and how long it is between two planes.
+    /// Where column (u, v) crosses the plane at `depth`.
     #[inline(always)]
-    fn position(&self, column: [f32; 2], depth: f32) -> Vec3 {
+    fn crossing(&self, column: [f32; 2], depth: f32) -> Vec3 {
         let [a, b] = across(self.axis);
-        let mut at = Vec3::ZERO;
-        match self.spread {
-            Spread::Parallel(slopes) => {
-                at[self.axis] = self.sign * depth;
-                at[a] = column[0] + slopes[0] * depth;
-                at[b] = column[1] + slopes[1] * depth;
-            }
-            Spread::Pyramid(position) => {
-                at[self.axis] = position[self.axis] + self.sign * depth;
-                at[a] = position[a] + column[0] * depth;
-                at[b] = position[b] + column[1] * depth;
-            }
-        }
+        let mut at = self.position;
+        at[self.axis] += self.sign * depth;
+        at[a] += column[0] * depth;
+        at[b] += column[1] * depth;
         at
     }
 
@@ -165,25 +117,14 @@ impl Bundle {
     #[inline(always)]
     fn place(&self, at: Vec3) -> ([f32; 2], f32) {
         let [a, b] = across(self.axis);
-        match self.spread {
-            Spread::Parallel(slopes) => {
-                let depth = self.sign * at[self.axis];
-                ([at[a] - slopes[0] * depth, at[b] - slopes[1] * depth], depth)
-            }
-            Spread::Pyramid(position) => {
-                let offset = at - position;
-                let depth = self.sign * offset[self.axis];
-                let inv = if depth > 0.0 { 1.0 / depth } else { 0.0 };
-                ([offset[a] * inv, offset[b] * inv], depth)
-            }
-        }
+        let offset = at - self.position;
+        let depth = self.sign * offset[self.axis];
+        let inv = if depth > 0.0 { 1.0 / depth } else { 0.0 };
+        ([offset[a] * inv, offset[b] * inv], depth)
     }
 
-    fn length(&self, column: [f32; 2]) -> f32 {
-        let [u, v] = match self.spread {
-            Spread::Parallel(slopes) => slopes,
-            Spread::Pyramid(_) => column,
-        };
+    /// How long a column is between two planes.
+    fn length(&self, [u, v]: [f32; 2]) -> f32 {
         self.spacing * (1.0 + u * u + v * v).sqrt()
     }
 
@@ -206,7 +147,7 @@ impl Bundle {
                     for u in 0..width {
                         let column =
                             [self.first.x + u as f32 * self.step, self.first.y + v as f32 * self.step];
-                        let here = value(self.position(column, depth));
+                        let here = value(self.crossing(column, depth));
                         if plane > 0 {
                             let added = 0.5 * self.length(column) * (before[u] + here);
                             left[u] = done[(plane - 1) * width + u] + added;

@@ -8,10 +8,14 @@
 use glam::{IVec3, Vec3};
 use rayon::prelude::*;
 
+use super::balls::{self, Wanted};
+use super::field::sample;
 use super::harmonics;
 use super::photons::{Photon, Photons};
 use crate::error::{Error, Result};
 use crate::medium::Medium;
+use crate::medium::grid::Lattice;
+use crate::progress::Progress;
 
 /// How wide the ball is.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -27,6 +31,8 @@ pub enum Radius {
 
 /// Photons a ball holds on average where nobody says how wide it is.
 const AUTOMATIC: f64 = 100.0;
+/// Alpha of progressive passes, between 0 (fewer photons count) and 1 (the radius stays).
+const SHRINKAGE: f32 = 2.0 / 3.0;
 /// Points of a ball at which the density is looked up.
 const POINTS: usize = 32;
 
@@ -96,6 +102,74 @@ impl<'a> PhotonMap<'a> {
         }
     }
 
+    /// The radius of the pass after number `pass`, counted from 0: the volume of the ball shrinks as slowly as lets both the error
+    /// by its width and the noise of the mean vanish. Source: C. Knaus, M. Zwicker, "Progressive photon mapping: a probabilistic
+    /// approach", ACM TOG 30, 2011, section 4 (volumes: the cube of the radius shrinks by (i + alpha) / (i + 1)).
+    pub(super) fn shrunk(&self, pass: u32) -> Radius {
+        let pass = pass as f32 + 1.0;
+        let share = ((pass + SHRINKAGE) / (pass + 1.0)).cbrt();
+        match self.radius {
+            Radius::Nearest(count, most) => Radius::Nearest(count, share * most),
+            _ => Radius::Fixed(share * self.radius()),
+        }
+    }
+
+    /// Coefficients of the radiance at all samples of a lattice up to an order of spherical harmonics, of some channels: one column
+    /// each, those of the first channel first. Fails only when interrupted.
+    pub(super) fn columns(
+        &self,
+        lattice: &Lattice,
+        wanted: &Wanted,
+        progress: &dyn Progress,
+    ) -> Result<Vec<Vec<f32>>> {
+        let number = harmonics::count(wanted.order);
+        let count = lattice.sample_count() as usize;
+        let position = |place: usize| lattice.position(sample(lattice, place));
+        if let Radius::Nearest(..) = self.radius {
+            progress.begin("gather", Some(count as u64), "samples");
+            let of_sample = |place: usize| match progress.cancelled() {
+                true => [Vec3::ZERO; harmonics::COUNT],
+                false => self.coefficients(position(place), wanted.order),
+            };
+            let found: Vec<_> = (0..count).into_par_iter().with_min_len(256).map(of_sample).collect();
+            let column =
+                |(&channel, number): (&usize, usize)| found.iter().map(|it| it[number][channel]).collect();
+            let columns = wanted.channels.iter().flat_map(|channel| (0..number).map(move |it| (channel, it)));
+            return if progress.cancelled() {
+                Err(Error::Interrupted)
+            } else {
+                Ok(columns.map(column).collect())
+            };
+        }
+        let radius = self.radius();
+        let mut columns = balls::sums(lattice, &self.photons, radius, wanted, progress)?;
+        // What scatters in the balls, where there are photons: elsewhere the sums are 0 anyway.
+        let is_lit = |place: usize| columns.iter().step_by(number).any(|column| column[place] != 0.0);
+        let mass = |place: usize| if is_lit(place) { self.mass(position(place), radius) } else { 0.0 };
+        let masses: Vec<f32> = (0..count).into_par_iter().with_min_len(256).map(mass).collect();
+        for (place, column) in columns.iter_mut().enumerate() {
+            let channel = wanted.channels[place / number];
+            column
+                .par_iter_mut()
+                .zip(&masses)
+                .for_each(|(sum, &mass)| *sum *= self.per_scattering(mass)[channel]);
+        }
+        Ok(columns)
+    }
+
+    /// Mass in a ball.
+    fn mass(&self, at: Vec3, radius: f32) -> f32 {
+        let density = self.points.iter().map(|point| self.medium.density().density(at + radius * point));
+        density.sum::<f32>() / POINTS as f32 * (4.0 / 3.0 * std::f32::consts::PI * radius.powi(3))
+    }
+
+    /// One over what a mass scatters; 0 where that is nothing.
+    fn per_scattering(&self, mass: f32) -> Vec3 {
+        let optics = self.medium.optics();
+        let scattering = mass * Vec3::from(optics.extinction) * Vec3::from(optics.albedo);
+        scattering.map(|it| if it > 0.0 { 1.0 / it } else { 0.0 })
+    }
+
     /// Coefficients of the radiance at a point up to an order of spherical harmonics, RGB.
     pub(super) fn coefficients(&self, at: Vec3, order: usize) -> [Vec3; harmonics::COUNT] {
         let mut sums = [Vec3::ZERO; harmonics::COUNT];
@@ -103,8 +177,7 @@ impl<'a> PhotonMap<'a> {
             Radius::Nearest(wanted, most) => self.nearest(at, wanted as usize, most),
             _ => self.radius(),
         };
-        let density = self.points.iter().map(|point| self.medium.density().density(at + radius * point));
-        let mass = density.sum::<f32>() / POINTS as f32 * (4.0 / 3.0 * std::f32::consts::PI * radius.powi(3));
+        let mass = self.mass(at, radius);
         if mass <= 0.0 {
             return sums;
         }
@@ -120,9 +193,7 @@ impl<'a> PhotonMap<'a> {
                 }
             });
         }
-        let optics = self.medium.optics();
-        let scattering = mass * Vec3::from(optics.extinction) * Vec3::from(optics.albedo);
-        let inverse = scattering.map(|it| if it > 0.0 { 1.0 / it } else { 0.0 });
+        let inverse = self.per_scattering(mass);
         sums.map(|sum| sum * inverse)
     }
 

@@ -5,16 +5,20 @@
 //! step the points lie is drawn for each sample (one sample alone takes the middle), so that steps leave noise and no bands.
 //! Invariant: the same seed gives the same bits for any number of threads.
 
+use std::borrow::Cow;
+
 use fearless_simd::{Level, Simd, dispatch};
 use fearless_simd_macros::simd;
-use glam::Vec3;
+use glam::{Vec3, Vec3A};
 use rayon::prelude::*;
 
 use super::brute::BruteForce;
-use super::cache::{Cache, Toward};
-use super::walk::{Brick, Path};
+use super::cache::{Cache, Lit};
+use super::lit::{LitBricks, Spectrum};
+use super::space::Space;
+use super::walk::Path;
 use crate::error::{Error, Result};
-use crate::math::Ray;
+use crate::math::{Bounds, Ray};
 use crate::medium::light::Environment;
 use crate::medium::{Light, Medium, Noise};
 use crate::progress::Progress;
@@ -69,13 +73,23 @@ pub enum Illumination<'a> {
 /// A picture in the making.
 pub struct March<'a> {
     medium: &'a Medium,
-    light: Illumination<'a>,
+    light: Source<'a>,
     skies: Vec<&'a Environment>,
     noise: Option<&'a Noise>,
+    /// Where the medium may be, with its noise.
+    bounds: Bounds,
+    space: Space,
     view: View,
     settings: Settings,
     sums: Vec<Sums>,
     samples_done: u32,
+}
+
+/// Where light comes from.
+enum Source<'a> {
+    /// The cache, and what of it the eye sees.
+    Cached(&'a Cache, Cow<'a, Lit>),
+    BruteForce(&'a BruteForce<'a>),
 }
 
 /// What the samples of a pixel add up to.
@@ -115,14 +129,30 @@ impl<'a> March<'a> {
             Light::Environment(sky) => Some(sky),
             _ => None,
         });
-        let skies = skies.collect();
-        let sums = vec![Sums::default(); width as usize * height as usize];
-        Ok(Self { medium, light, skies, noise: None, view, settings, sums, samples_done: 0 })
+        let light = match light {
+            Illumination::Cached(cache) => Source::Cached(cache, cache.seen(medium, &view)),
+            Illumination::BruteForce(brute) => Source::BruteForce(brute),
+        };
+        Ok(Self {
+            medium,
+            light,
+            skies: skies.collect(),
+            noise: None,
+            bounds: medium.bounds(),
+            space: Space::of(medium.density()),
+            view,
+            settings,
+            sums: vec![Sums::default(); width as usize * height as usize],
+            samples_done: 0,
+        })
     }
 
     /// The same with the medium dispersed by noise.
     pub fn with_noise(self, noise: &'a Noise) -> Self {
-        Self { noise: Some(noise), ..self }
+        let grid = self.medium.density();
+        let bounds = self.medium.bounds().grown(noise.reach());
+        let space = Space::reached(grid, noise.reach() / grid.spacing());
+        Self { noise: Some(noise), bounds, space, ..self }
     }
 
     /// Whether every pixel has all its samples.
@@ -160,6 +190,12 @@ impl<'a> March<'a> {
         self.sums.iter().map(pixel).collect()
     }
 
+    /// Length of a step.
+    #[inline(always)]
+    fn step(&self) -> f32 {
+        self.settings.step * self.medium.density().spacing()
+    }
+
     /// Adds a sample to a pixel.
     #[inline(always)]
     fn sample(&self, column: u32, row: u32, sums: &mut Sums) {
@@ -169,70 +205,121 @@ impl<'a> March<'a> {
         let [x, y] = at(Dimension::Pixel);
         let ray = self.view.ray(column as f32 + x, row as f32 + y);
         let [start, _] = at(Dimension::Key);
-
-        let stream = Stream::new(u64::from(seed), u64::from(number) << 32 | u64::from(sample));
-        let source = match self.light {
-            Illumination::Cached(cache) => Source::Cached(cache, cache.toward(ray.direction)),
-            Illumination::BruteForce(brute) => Source::BruteForce(brute, ray.direction, stream),
+        let through = match &self.light {
+            Source::Cached(cache, lit) => match &**lit {
+                Lit::Grey(bricks, hue) => {
+                    let walk = self.cached(&ray, start, Walk::new(hue.channel), (cache, bricks));
+                    walk.add_to(sums, hue.color)
+                }
+                Lit::Colored(bricks) => {
+                    self.cached(&ray, start, Walk::new(0), (cache, bricks)).add_to(sums, Vec3::ONE)
+                }
+            },
+            Source::BruteForce(brute) => {
+                let stream = Stream::new(u64::from(seed), u64::from(number) << 32 | u64::from(sample));
+                self.brute(&ray, start, brute, stream).add_to(sums, Vec3::ONE)
+            }
         };
-        let mut walk = Walk { transmittance: Vec3::ONE, source, sums };
-        match self.noise {
-            None => self.march(&ray, start, &mut walk),
-            Some(noise) => self.march_dispersed(noise, &ray, start, &mut walk),
-        }
-        let Walk { transmittance, sums, .. } = walk;
         let behind: Vec3 = self.skies.iter().map(|sky| sky.radiance(ray.direction)).sum();
-        sums.environment += transmittance * behind;
-        sums.transmittance += transmittance;
+        sums.environment += through * behind;
+        sums.transmittance += through;
     }
 
-    /// Through the bricks that are not empty.
+    /// Along a ray with light from the cache.
     #[inline(always)]
-    fn march(&self, ray: &Ray, start: f32, walk: &mut Walk) {
-        let Some(path) = Path::new(self.medium, ray) else { return };
+    fn cached<L: Spectrum>(
+        &self,
+        ray: &Ray,
+        start: f32,
+        mut walk: Walk<L>,
+        (cache, bricks): (&Cache, &LitBricks<L>),
+    ) -> Walk<L> {
         let grid = self.medium.density();
-        let extinction = Vec3::from(self.medium.optics().extinction);
-        let step = self.settings.step * grid.spacing();
-        for piece in path.bricks(grid) {
-            let at = piece.brick();
-            if grid.brick_range(at).max == 0.0 {
-                continue;
-            }
-            let brick = Brick::new(grid, at);
-            let mut number = (piece.from / step - start).ceil().max(0.0);
-            loop {
-                let distance = (number + start) * step;
-                if distance >= piece.to {
+        let extinction = L::of(Vec3::from(self.medium.optics().extinction), walk.channel) * self.step();
+        let Some(mut crossing) = self.crossing(ray, start) else { return walk };
+        while let Some((distance, brick)) = crossing.next(&self.space) {
+            let t = crossing.path.enter + distance;
+            let (density, light, at) = match self.noise {
+                None => {
+                    let (density, light) = bricks.look_up(brick, crossing.path.at(distance));
+                    (density, light, ray.origin + t * ray.direction)
+                }
+                Some(noise) => {
+                    let (at, factor) = noise.disperse(ray.origin + t * ray.direction);
+                    let (density, light) = bricks.at(Vec3A::from((at - grid.origin()) / grid.spacing()));
+                    (factor * density, light, at)
+                }
+            };
+            if density > 0.0 {
+                let light = match cache.has_near() {
+                    false => light,
+                    true => light + L::of(cache.near(at, ray.direction), walk.channel),
+                };
+                walk.step(extinction * density, light, t);
+                if walk.is_dark() {
                     break;
                 }
-                number += 1.0;
-                let density = brick.density(path.at(distance));
-                if density > 0.0 {
-                    let t = path.enter + distance;
-                    walk.step(step * density * extinction, t, ray.origin + t * ray.direction);
-                    if walk.is_dark() {
-                        return;
-                    }
+            }
+        }
+        walk
+    }
+
+    /// Along a ray with light that is found at every step.
+    fn brute(&self, ray: &Ray, start: f32, brute: &BruteForce, mut stream: Stream) -> Walk<Vec3> {
+        let mut walk = Walk::new(0);
+        let extinction = Vec3::from(self.medium.optics().extinction) * self.step();
+        let Some(mut crossing) = self.crossing(ray, start) else { return walk };
+        while let Some((distance, _)) = crossing.next(&self.space) {
+            let t = crossing.path.enter + distance;
+            let at = ray.origin + t * ray.direction;
+            let (at, factor) = self.noise.map_or((at, 1.0), |noise| noise.disperse(at));
+            let density = factor * self.medium.density().density(at);
+            if density > 0.0 {
+                walk.step(extinction * density, brute.scattered(at, ray.direction, &mut stream), t);
+                if walk.is_dark() {
+                    break;
                 }
             }
         }
+        walk
     }
 
-    /// Through all that noise may fill.
-    fn march_dispersed(&self, noise: &Noise, ray: &Ray, start: f32, walk: &mut Walk) {
-        let bounds = self.medium.bounds().grown(noise.reach());
-        let Some([enter, leave]) = bounds.clip(ray) else { return };
-        let grid = self.medium.density();
-        let extinction = Vec3::from(self.medium.optics().extinction);
-        let step = self.settings.step * grid.spacing();
-        let mut t = enter + start * step;
-        while t < leave && !walk.is_dark() {
-            let (at, factor) = noise.disperse(ray.origin + t * ray.direction);
-            let density = factor * grid.density(at);
-            if density > 0.0 {
-                walk.step(step * density * extinction, t, at);
+    /// The steps along a ray; `None` if it misses the medium.
+    #[inline(always)]
+    fn crossing(&self, ray: &Ray, start: f32) -> Option<Crossing> {
+        let path = Path::within(&self.bounds, self.medium.density(), ray)?;
+        Some(Crossing { path, step: self.step(), start, number: 0.0 })
+    }
+}
+
+/// The steps along a path that are not known to be empty.
+struct Crossing {
+    path: Path,
+    step: f32,
+    /// Where on a step its point lies.
+    start: f32,
+    /// Steps that are done or crossed.
+    number: f32,
+}
+
+impl Crossing {
+    /// The next step: its distance along the path, and the number of its brick.
+    #[inline(always)]
+    fn next(&mut self, space: &Space) -> Option<(f32, usize)> {
+        loop {
+            let distance = (self.number + self.start) * self.step;
+            if distance >= self.path.length {
+                return None;
             }
-            t += step;
+            self.number += 1.0;
+            let place = self.path.at(distance);
+            match space.entry(place) {
+                Ok(brick) => return Some((distance, brick)),
+                Err(away) => {
+                    let end = space.leave(&self.path, place, away);
+                    self.number = self.number.max((end / self.step - self.start).ceil());
+                }
+            }
         }
     }
 }
@@ -246,42 +333,45 @@ fn sample_row<S: Simd>(simd: S, march: &March, row: u32, sums: &mut [Sums]) {
     }
 }
 
-/// Where the light of one ray comes from.
-enum Source<'a> {
-    Cached(&'a Cache, Toward),
-    BruteForce(&'a BruteForce<'a>, Vec3, Stream),
-}
-
 /// What a ray has gathered.
-struct Walk<'a> {
-    transmittance: Vec3,
-    source: Source<'a>,
-    sums: &'a mut Sums,
+struct Walk<L> {
+    /// The channel that stands for all where there is one color.
+    channel: usize,
+    transmittance: L,
+    scattered: L,
+    depth: f32,
+    lost: f32,
 }
 
-impl Walk<'_> {
-    /// One step of that optical thickness, at the distance `t`, with light as it is `at` a point.
+impl<L: Spectrum> Walk<L> {
     #[inline(always)]
-    fn step(&mut self, thickness: Vec3, t: f32, at: Vec3) {
-        let is_grey = thickness.x == thickness.y && thickness.y == thickness.z;
-        let through = match is_grey {
-            true => Vec3::splat((-thickness.x).exp()),
-            false => Vec3::new((-thickness.x).exp(), (-thickness.y).exp(), (-thickness.z).exp()),
-        };
-        let lost = self.transmittance * (1.0 - through);
-        self.sums.scattered += lost
-            * match &mut self.source {
-                Source::Cached(cache, toward) => cache.scattered(at, toward),
-                Source::BruteForce(brute, direction, stream) => brute.scattered(at, *direction, stream),
-            };
-        let lost = lost.element_sum();
-        self.sums.depth += lost * t;
-        self.sums.lost += lost;
-        self.transmittance *= through;
+    fn new(channel: usize) -> Self {
+        Self { channel, transmittance: L::splat(1.0), scattered: L::splat(0.0), depth: 0.0, lost: 0.0 }
+    }
+
+    /// One step of that optical thickness and light, at the distance `t`.
+    #[inline(always)]
+    fn step(&mut self, thickness: L, light: L, t: f32) {
+        let through = self.transmittance * thickness.exp_minus();
+        let lost = self.transmittance + through * -1.0;
+        self.transmittance = through;
+        self.scattered = self.scattered + lost * light;
+        let lost = lost.sum();
+        self.depth += lost * t;
+        self.lost += lost;
     }
 
     #[inline(always)]
     fn is_dark(&self) -> bool {
-        self.transmittance.max_element() < DARK
+        self.transmittance.most() < DARK
+    }
+
+    /// Adds what it gathered to a pixel, light in units of `color`. Gives what comes through.
+    #[inline(always)]
+    fn add_to(self, sums: &mut Sums, color: Vec3) -> Vec3 {
+        sums.scattered += self.scattered.times(color);
+        sums.depth += self.depth;
+        sums.lost += self.lost;
+        self.transmittance.times(Vec3::ONE)
     }
 }

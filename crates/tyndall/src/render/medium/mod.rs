@@ -3,6 +3,7 @@
 //! The road: [`photons`] or the sweeps of the [`cache`] light the medium, [`march`] makes the picture; [`brute`] does without the
 //! cache and [`mod@reference`] without any of it. [`picture`] is the last step of all.
 
+mod balls;
 pub mod brute;
 pub mod cache;
 mod columns;
@@ -11,11 +12,13 @@ mod field;
 pub mod free_path;
 pub mod gather;
 mod harmonics;
+mod lit;
 pub mod march;
 pub mod photons;
 pub mod reference;
 mod regular;
 pub mod show;
+mod space;
 mod sweep;
 #[cfg(test)]
 mod tests;

@@ -7,6 +7,9 @@
 //! Source: H. Jensen, P. Christensen, "Efficient simulation of light transport in scenes with participating media using photon
 //! maps", SIGGRAPH 1998; distances by [`FreePath`].
 
+use std::sync::atomic::AtomicU64;
+use std::sync::atomic::Ordering::Relaxed;
+
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
@@ -29,6 +32,8 @@ pub struct Settings {
     pub free_path: FreePath,
     /// Which scatterings are stored.
     pub stored: Stored,
+    /// Memory that those may take, in bytes, sorting included; `None`: as much as it takes.
+    pub memory_bytes: Option<u64>,
 }
 
 /// Which scatterings of a photon are stored.
@@ -71,7 +76,11 @@ pub struct Photons {
 /// Photons that one thread follows at a time.
 const CHUNK: u64 = 4096;
 
-/// Follows photons of all `lights` through `medium`. Fails with [`Error::Setting`] for an impossible count, and when interrupted.
+/// Memory that a stored photon takes at most at one time: twice itself while it is joined and sorted, and its place.
+pub const STORED_BYTES: u64 = 2 * size_of::<Photon>() as u64 + 16;
+
+/// Follows photons of all `lights` through `medium`. Fails with [`Error::Setting`] for an impossible count, with [`Error::Memory`] as
+/// soon as more are stored than may be, and when interrupted.
 pub fn trace(
     medium: &Medium,
     lights: &[Light],
@@ -84,18 +93,35 @@ pub fn trace(
     progress.begin("photons", Some(settings.count), "photons");
     let tracer = Tracer { tracker: Tracker::new(medium), settings };
     let chunks = tracer.chunks(lights);
+    let available_bytes = settings.memory_bytes.unwrap_or(u64::MAX);
+    let [emitted, stored] = [AtomicU64::new(0), AtomicU64::new(0)];
+    let fits = || STORED_BYTES.saturating_mul(stored.load(Relaxed)) <= available_bytes;
     let traced: Vec<Photons> = chunks
         .into_par_iter()
         .map(|chunk| {
-            if progress.cancelled() {
+            if progress.cancelled() || !fits() {
                 return Photons::default();
             }
             progress.advance(chunk.end - chunk.first);
-            tracer.chunk(&chunk)
+            let photons = tracer.chunk(&chunk);
+            emitted.fetch_add(photons.emitted, Relaxed);
+            stored.fetch_add(photons.stored.len() as u64, Relaxed);
+            photons
         })
         .collect();
     if progress.cancelled() {
         return Err(Error::Interrupted);
+    }
+    if !fits() {
+        // The work was stopped: what all of it needs follows from the part that was done.
+        let each = STORED_BYTES as f64 * stored.into_inner() as f64 / emitted.into_inner().max(1) as f64;
+        let fitting = (0.9 * available_bytes as f64 / each) as u64;
+        return Err(Error::Memory {
+            what: format!("storing the scatterings of {} photons", settings.count),
+            needed_bytes: (each * settings.count as f64) as u64,
+            available_bytes,
+            hint: format!("try --photons {fitting}, and more --photon-passes instead"),
+        });
     }
     Ok(Photons::join(traced))
 }

@@ -115,7 +115,7 @@ fn groups(ordinates: &[Ordinate]) -> Vec<(usize, Vec<Ordinate>)> {
 }
 
 /// Samples with y fastest, then z, then x, from samples with x fastest, then y, then z.
-fn turned(lattice: &Lattice, values: &[f32]) -> Vec<f32> {
+pub(super) fn turned(lattice: &Lattice, values: &[f32]) -> Vec<f32> {
     let [x, y, z] = lattice.size.map(|it| it as usize);
     let mut turned = vec![0.0; values.len()];
     for i in 0..x {
@@ -128,7 +128,7 @@ fn turned(lattice: &Lattice, values: &[f32]) -> Vec<f32> {
 }
 
 /// Adds samples that are [`turned`] to those that are not.
-fn turned_back(lattice: &Lattice, turned: &[f32], values: &mut [f32]) {
+pub(super) fn turned_back(lattice: &Lattice, turned: &[f32], values: &mut [f32]) {
     let [x, y, z] = lattice.size.map(|it| it as usize);
     for i in 0..x {
         for k in 0..z {

@@ -214,7 +214,13 @@ fn pictures_agree_with_the_reference() {
 }
 
 fn photon_settings(count: u64) -> photons::Settings {
-    photons::Settings { count, seed: 3, free_path: FreePath::Delta, stored: Stored::Multiple }
+    photons::Settings {
+        count,
+        seed: 3,
+        free_path: FreePath::Delta,
+        stored: Stored::Multiple,
+        memory_bytes: None,
+    }
 }
 
 #[test]
@@ -224,7 +230,7 @@ fn photons_sweeps_and_brute_force_agree() {
         let lights = [sun([PI; 3]), sky([0.3; 3])];
         let by_sweeps = mean(&cached(&medium, &lights, &Settings::default())).x;
         for radius in [Radius::Automatic, Radius::Fixed(0.1), Radius::Nearest(60, 0.2)] {
-            let multiple = Multiple::Photons(photon_settings(60_000), radius);
+            let multiple = Multiple::Photons(photon_settings(60_000), radius, 1);
             let by_photons = mean(&cached(&medium, &lights, &Settings { multiple, ..Settings::default() })).x;
             assert!((by_photons / by_sweeps - 1.0).abs() < 0.04, "{radius:?}: {by_photons} {by_sweeps}");
         }
@@ -235,6 +241,28 @@ fn photons_sweeps_and_brute_force_agree() {
         let by_force = mean(&march(&medium, &lights, Illumination::BruteForce(&brute), settings)).x;
         assert!((by_force / by_sweeps - 1.0).abs() < 0.04, "g {g}: {by_force} {by_sweeps}");
     }
+}
+
+#[test]
+fn passes_of_photons_come_nearer_to_the_sweeps() {
+    let medium = lumps(grey(6.0, 0.9, 0.0));
+    let lights = [sun([PI; 3])];
+    let settings = Settings { diffuse_spacing: Some(1.0 / 12.0), ..Settings::default() };
+    let by_sweeps = cached(&medium, &lights, &settings);
+    // A ball as wide as a lump: blurred, whatever the number of photons.
+    let error = |passes: u32, radius| {
+        let multiple = Multiple::Photons(photon_settings(40_000), radius, passes);
+        let by_photons = cached(&medium, &lights, &Settings { multiple, ..settings });
+        let pairs = by_photons.iter().zip(&by_sweeps);
+        pairs.map(|(a, b)| (a.scattered - b.scattered).length_squared()).sum::<f32>()
+    };
+    for radius in [Radius::Fixed(0.35), Radius::Nearest(4000, 0.35)] {
+        let errors = [error(1, radius), error(12, radius)];
+        assert!(errors[1] < 0.7 * errors[0], "{radius:?}: {errors:?}");
+    }
+    let none = Multiple::Photons(photon_settings(1000), Radius::Automatic, 0);
+    let refused = Cache::new(&medium, &lights, &Settings { multiple: none, ..settings }, &());
+    assert_eq!(refused.unwrap_err().code(), "setting");
 }
 
 #[test]
@@ -252,7 +280,7 @@ fn the_same_seed_gives_the_same_bits_for_any_number_of_threads() {
     let pictures = [1, 3].map(|threads| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         pool.install(|| {
-            let by_photons = Multiple::Photons(photon_settings(5000), Radius::Automatic);
+            let by_photons = Multiple::Photons(photon_settings(5000), Radius::Automatic, 2);
             let settings = Settings { multiple: by_photons, ..Settings::default() };
             (cached(&medium, &lights, &Settings::default()), cached(&medium, &lights, &settings))
         })

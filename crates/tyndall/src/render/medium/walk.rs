@@ -5,7 +5,7 @@
 
 use glam::{Vec3A, Vec4, Vec4Swizzles};
 
-use crate::math::Ray;
+use crate::math::{Bounds, Ray};
 use crate::medium::Medium;
 use crate::medium::grid::{BRICK, EDGE, Grid, STORED};
 
@@ -27,8 +27,13 @@ impl Path {
     /// The part of `ray` inside the medium; `None` if it misses it.
     #[inline(always)]
     pub(super) fn new(medium: &Medium, ray: &Ray) -> Option<Self> {
-        let grid = medium.density();
-        let [enter, leave] = medium.bounds().clip(ray)?;
+        Self::within(&medium.bounds(), medium.density(), ray)
+    }
+
+    /// The part of `ray` inside a box, in units of the lattice of `grid`; `None` if it misses the box.
+    #[inline(always)]
+    pub(super) fn within(bounds: &Bounds, grid: &Grid, ray: &Ray) -> Option<Self> {
+        let [enter, leave] = bounds.clip(ray)?;
         let inv_spacing = 1.0 / grid.spacing();
         Some(Self {
             start: Vec3A::from((ray.origin + enter * ray.direction - grid.origin()) * inv_spacing),
@@ -43,6 +48,13 @@ impl Path {
     #[inline(always)]
     pub(super) fn at(&self, distance: f32) -> Vec3A {
         self.start + distance * self.direction
+    }
+
+    /// How far along the path it leaves the box between two corners in which it is, in lattice units.
+    #[inline(always)]
+    pub(super) fn leave(&self, low: Vec3A, high: Vec3A) -> f32 {
+        let forward = self.inv_direction.cmpgt(Vec3A::ZERO);
+        ((Vec3A::select(forward, high, low) - self.start) * self.inv_direction).min_element()
     }
 
     /// The bricks that the path meets.

@@ -10,7 +10,7 @@ use super::{Bvh, LEAF, LEVELS, Node, WIDTH, box_slack, packing_error};
 use crate::error::{Error, Result};
 use crate::math::Bounds;
 use crate::progress::Progress;
-use crate::structure::build::{Record, cut, widest};
+use crate::structure::build::{PROBES, Record, cut, widest};
 
 /// Below this many particles a subtree is sorted by one thread.
 const PARALLEL_COUNT: usize = 1 << 14;
@@ -123,7 +123,7 @@ fn cut_shares<const N: usize>(records: &mut [Record<N>], share: usize) {
         return;
     }
     let left_count = shares.div_ceil(2) * share;
-    let axis = widest(records);
+    let axis = widest(records, PROBES);
     cut(records, axis, left_count);
     let (left, right) = records.split_at_mut(left_count);
     if left_count > PARALLEL_COUNT {

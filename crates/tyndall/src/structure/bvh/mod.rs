@@ -23,6 +23,7 @@ use crate::simd::{Lanes3, floats_of_bytes};
 pub use block::Packing;
 use block::{Blocks, power_of_two, step_exponent};
 pub use packing_error::PackingError;
+pub(super) use rays::Slabs;
 use shown::Shown;
 use sizes::Sizes;
 
@@ -51,7 +52,7 @@ pub(crate) struct Node {
 
 impl Node {
     /// Holds at most eight boxes, rounded outward.
-    fn encode(boxes: &[Bounds]) -> Self {
+    pub(in crate::structure) fn encode(boxes: &[Bounds]) -> Self {
         let all = boxes.iter().copied().fold(Bounds::EMPTY, Bounds::union);
         let mut node = Self::default();
         for axis in 0..3 {
@@ -216,6 +217,19 @@ impl Bvh {
 }
 
 #[cfg(test)]
+impl Node {
+    /// The least and greatest corner of a child's box.
+    pub(super) fn decoded(&self, child: usize) -> [Vec3; 2] {
+        [child, WIDTH + child].map(|at| {
+            let decode = |axis: usize| {
+                self.corner[axis] + power_of_two(self.exponent[axis]) * f32::from(self.steps[axis][at])
+            };
+            Vec3::new(decode(0), decode(1), decode(2))
+        })
+    }
+}
+
+#[cfg(test)]
 mod tests {
     use super::super::{Kind, Structure};
     use super::*;
@@ -250,12 +264,9 @@ mod tests {
         let mut all = Bounds::EMPTY;
         for child in (0..WIDTH).filter(|child| bvh.existing(place) >> child & 1 == 1) {
             let inside = visit(bvh, bvh.child(place, child), nodes);
-            for axis in 0..3 {
-                let decode =
-                    |steps: u8| node.corner[axis] + power_of_two(node.exponent[axis]) * f32::from(steps);
-                assert!(decode(node.steps[axis][child]) <= inside.min[axis] + bvh.slack);
-                assert!(decode(node.steps[axis][WIDTH + child]) >= inside.max[axis] - bvh.slack);
-            }
+            let [min, max] = node.decoded(child);
+            assert!(min.cmple(inside.min + bvh.slack).all());
+            assert!(max.cmpge(inside.max - bvh.slack).all());
             all = all.union(inside);
         }
         all

@@ -6,27 +6,24 @@ use glam::Vec3;
 
 use super::{Bvh, LEAF, LEVELS, Node, Place, WIDTH, power_of_two};
 use crate::math::{Bounds, HIT_ROUNDING, Ray};
-use crate::simd::{Lanes3, enter_sphere, floats_of_bytes};
+use crate::simd::{Lanes3, floats_of_bytes};
 use crate::structure::Hit;
+use crate::structure::search::Search;
 
 impl Bvh {
     /// See [`crate::structure::Structure::intersect`].
     pub fn intersect(&self, ray: &Ray, except: Option<u32>) -> Option<Hit> {
-        let found = dispatch!(Level::new(), simd => walk(simd, self, ray, except, Wanted::Nearest));
-        found.map(|(t, node)| Hit { t, id: self.ids[node as usize], node })
+        let mut search = Search::nearest(ray, except);
+        dispatch!(Level::new(), simd => walk(simd, self, &mut search));
+        search.found(&self.ids)
     }
 
     /// See [`crate::structure::Structure::occluded`].
     pub fn occluded(&self, ray: &Ray, except: Option<u32>) -> bool {
-        dispatch!(Level::new(), simd => walk(simd, self, ray, except, Wanted::Any)).is_some()
+        let mut search = Search::any(ray, except);
+        dispatch!(Level::new(), simd => walk(simd, self, &mut search));
+        search.found(&self.ids).is_some()
     }
-}
-
-/// What a walk looks for.
-#[derive(Clone, Copy, PartialEq, Eq)]
-enum Wanted {
-    Nearest,
-    Any,
 }
 
 /// A subtree that is still to be walked: where the ray enters its box, above the subtree's place. In order of their numbers the
@@ -60,47 +57,32 @@ impl Entry {
 /// More entries than the deepest hierarchy of 2^32 particles can leave on the stack.
 const STACK: usize = LEVELS * WIDTH;
 
-/// Distance and node of the first particle that the ray enters, or of any.
 #[simd]
-fn walk<S: Simd>(simd: S, bvh: &Bvh, ray: &Ray, except: Option<u32>, wanted: Wanted) -> Option<(f32, u32)> {
-    let slabs = Slabs::new(simd, bvh, ray);
-    let mut best: Option<(f32, u32)> = None;
-    let mut t_far = ray.t_max;
+fn walk<S: Simd>(simd: S, bvh: &Bvh, search: &mut Search) {
+    let Some(root) = bvh.root() else { return };
+    let slabs = Slabs::new(simd, (bvh.bounds(), bvh.slack), search);
+    let t_min = search.ray().t_min;
     let mut stack = [Entry(0); STACK];
     let mut top = 0;
-    let mut next = Entry::new(0.0, bvh.root()?);
+    let mut next = Entry::new(0.0, root);
     loop {
         let place = next.place();
         if place.level == 0 {
             let leaf = place.index as usize;
-            let (t, mut met) = enter_leaf(simd, bvh, leaf, ray, t_far);
-            met &= bvh.shown(leaf);
-            if let Some(except) = except.filter(|&except| except as usize / LEAF == leaf) {
-                met &= !(1 << (except as usize % LEAF));
-            }
+            let (t, met) = search.enter(simd, bvh.centers(simd, leaf), bvh.radii(simd, leaf));
+            let mut met = met & bvh.shown(leaf);
             while met != 0 {
                 let lane = met.trailing_zeros() as usize;
                 met &= met - 1;
-                let node = (leaf * LEAF + lane) as u32;
-                // Of equally near ones that with the smaller id.
-                let is_nearer = |&(nearest, other): &(f32, u32)| {
-                    t[lane] < nearest
-                        || (t[lane] == nearest && bvh.ids[node as usize] < bvh.ids[other as usize])
-                };
-                if best.as_ref().is_none_or(is_nearer) {
-                    // Clip the ray to the nearest hit: what is behind it is hidden.
-                    t_far = t[lane];
-                    best = Some((t_far, node));
+                if search.meet(t[lane], (leaf * LEAF + lane) as u32, &bvh.ids) {
+                    return;
                 }
-            }
-            if wanted == Wanted::Any && best.is_some() {
-                return best;
             }
         } else {
             // Meet the eight boxes at once.
             let (enter, leave) = slabs.cross(simd, bvh.node(place));
-            let enter = enter.max(f32x8::splat(simd, ray.t_min));
-            let leave = leave.min(f32x8::splat(simd, t_far));
+            let enter = enter.max(f32x8::splat(simd, t_min));
+            let leave = leave.min(f32x8::splat(simd, search.t_far));
             let mut kept = enter.simd_le(leave).to_bitmask() as u32 & bvh.shown_children(place);
             if kept != 0 {
                 let near = enter.max(f32x8::splat(simd, 0.0)).to_array();
@@ -129,11 +111,11 @@ fn walk<S: Simd>(simd: S, bvh: &Bvh, ray: &Ray, except: Option<u32>, wanted: Wan
         // The next subtree that does not begin behind the nearest hit.
         loop {
             if top == 0 {
-                return best;
+                return;
             }
             top -= 1;
             next = stack[top];
-            if next.near() <= t_far.max(0.0) {
+            if next.near() <= search.t_far.max(0.0) {
                 break;
             }
         }
@@ -148,29 +130,30 @@ fn ordered(a: Entry, b: Entry) -> (Entry, Entry) {
 
 /// A ray made ready for boxes: along each axis, where it starts and one over its direction, and how far lower and upper sides give
 /// way to it: by the rounding of what lies there and the slack of the boxes.
-struct Slabs<S: Simd> {
+pub(in crate::structure) struct Slabs<S: Simd> {
     origin: Vec3,
     inv_direction: Vec3,
     give: Lanes3<f32x16<S>>,
 }
 
 impl<S: Simd> Slabs<S> {
+    /// For nodes whose boxes lie in `bounds` and are grown by `slack`.
     #[inline(always)]
-    fn new(simd: S, bvh: &Bvh, ray: &Ray) -> Self {
-        let inv_direction = ray.inv_direction();
-        let Bounds { min, max } = bvh.bounds();
+    pub(in crate::structure) fn new(simd: S, (bounds, slack): (Bounds, f32), search: &Search) -> Self {
+        let Search { inv_direction, .. } = *search;
+        let (Bounds { min, max }, origin) = (bounds, search.ray().origin);
         // No coordinate of a node lies farther: its 255 steps reach less than twice beyond its boxes.
-        let farthest = (min - ray.origin).abs().max((max - ray.origin).abs()) + 2.0 * (max - min);
-        let give = (HIT_ROUNDING * farthest + bvh.slack) * inv_direction;
+        let farthest = (min - origin).abs().max((max - origin).abs()) + 2.0 * (max - min);
+        let give = (HIT_ROUNDING * farthest + slack) * inv_direction;
         // The lower side comes earlier where the ray goes up, and later where it goes down.
         let sides = |give: f32| f32x8::splat(simd, -give).combine(f32x8::splat(simd, give));
         let give = Lanes3 { x: sides(give.x), y: sides(give.y), z: sides(give.z) };
-        Self { origin: ray.origin, inv_direction, give }
+        Self { origin, inv_direction, give }
     }
 
     /// Where the ray enters and leaves the child boxes, which it meets where the first is not behind the second.
     #[inline(always)]
-    fn cross(&self, simd: S, node: &Node) -> (f32x8<S>, f32x8<S>) {
+    pub(in crate::structure) fn cross(&self, simd: S, node: &Node) -> (f32x8<S>, f32x8<S>) {
         let Self { origin, inv_direction, give } = self;
         let x = node.cross_axis(simd, 0, origin.x, inv_direction.x, give.x);
         let y = node.cross_axis(simd, 1, origin.y, inv_direction.y, give.y);
@@ -197,15 +180,4 @@ impl Node {
         let (lower, upper) = t.split();
         (lower.min(upper), lower.max(upper))
     }
-}
-
-/// Where the ray enters each of the sixteen particles, and which it enters not behind `t_far`. [`crate::math::enter_sphere`] on lanes.
-#[simd]
-fn enter_leaf<S: Simd>(simd: S, bvh: &Bvh, leaf: usize, ray: &Ray, t_far: f32) -> ([f32; LEAF], u32) {
-    let radius = bvh.radii(simd, leaf);
-    let to_center = bvh.centers(simd, leaf).minus(Lanes3::splat(simd, ray.origin));
-    let (t, meets) = enter_sphere(simd, to_center, Lanes3::splat(simd, ray.direction), radius * radius);
-    let (t_min, t_max) = (f32x16::splat(simd, ray.t_min), f32x16::splat(simd, ray.t_max));
-    let met = meets & t_min.simd_lt(t) & t.simd_lt(t_max) & t.simd_le(f32x16::splat(simd, t_far));
-    (t.to_array(), met.to_bitmask() as u32)
 }

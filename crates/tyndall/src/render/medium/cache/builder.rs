@@ -3,15 +3,17 @@
 use glam::Vec3;
 use rayon::prelude::*;
 
+use super::super::balls::Wanted;
 use super::super::columns::{self, Source};
 use super::super::diffuse::{self, Accuracy, Channel, Level};
 use super::super::field::{Field, lattice_over, sample};
-use super::super::gather::PhotonMap;
+use super::super::gather::{PhotonMap, Radius};
 use super::super::harmonics::{self, count};
 use super::super::photons::{self, Stored};
 use super::super::sweep::Ordinate;
 use super::{Cache, Channels, Direct, Multiple, Settings};
 use crate::error::{Error, Result};
+use crate::math::exp_minus;
 use crate::medium::grid::Lattice;
 use crate::medium::{Grid, Light, Medium};
 use crate::progress::Progress;
@@ -22,12 +24,16 @@ const MOST_SAMPLES: [f64; 2] = [4e6, 5e5];
 const COARSEST: u64 = 6000;
 /// More samples than this are refused: 2 GB a field.
 const ALLOWED_SAMPLES: f64 = 5e8;
+/// More passes of photons are a mistake.
+const MOST_PASSES: u32 = 1_000_000;
 const ACCURACY: Accuracy = Accuracy { change: 1e-3, sweeps: [200, 3] };
 
 /// The cache in the making.
 pub(super) struct Builder<'a> {
     medium: &'a Medium,
     lights: &'a [Light],
+    /// The same, with the suns of images of the sky as lights of their own.
+    parted: Vec<Light>,
     density: Field,
     /// Lattices to solve on, from fine to coarse.
     lattices: Vec<Lattice>,
@@ -54,6 +60,11 @@ impl<'a> Builder<'a> {
         if !(8..=4096).contains(&settings.directions) {
             return Err(Error::setting("directions", settings.directions, "8 to 4096"));
         }
+        if let Multiple::Photons(_, _, passes) = settings.multiple
+            && !(1..=MOST_PASSES).contains(&passes)
+        {
+            return Err(Error::setting("photon-passes", passes, format!("1 to {MOST_PASSES}")));
+        }
         for (name, spacing) in given.into_iter().filter_map(|(name, spacing)| Some((name, spacing?))) {
             let samples = samples(grid, spacing);
             if samples > ALLOWED_SAMPLES {
@@ -77,6 +88,7 @@ impl<'a> Builder<'a> {
         Ok(Self {
             medium,
             lights,
+            parted: lights.iter().flat_map(parted).collect(),
             density: Field::density(grid, lattice_over(grid, spacing)),
             lattices,
             order: harmonics::order_for(g),
@@ -91,13 +103,13 @@ impl<'a> Builder<'a> {
         let extinction = self.medium.optics().extinction;
         let is_grey = extinction[0] == extinction[1] && extinction[1] == extinction[2];
         let channels = if is_grey { &extinction[..1] } else { &extinction[..] };
-        let sharp = self.lights.iter().filter_map(|light| Some((light, source(light)?)));
+        let sharp = self.parted.iter().filter_map(|light| Some((light, source(light)?)));
         let direct = |(light, source): (&Light, Source)| {
             let thickness = columns::thickness(&self.density, source);
             let of_sample =
-                |&thickness: &f32| channels.iter().map(move |extinction| (-extinction * thickness).exp());
+                |&thickness: &f32| channels.iter().map(move |extinction| exp_minus(extinction * thickness));
             let transmittance = if channels.len() == 1 {
-                thickness.values.par_iter().map(|thickness| (-channels[0] * thickness).exp()).collect()
+                thickness.values.par_iter().map(|thickness| exp_minus(channels[0] * thickness)).collect()
             } else {
                 thickness.values.iter().flat_map(of_sample).collect()
             };
@@ -113,19 +125,26 @@ impl<'a> Builder<'a> {
 
     /// Coefficients of the light of the sky and of that scattered before, in each channel that is solved.
     pub(super) fn smooth(&self, direct: &[Direct], multiple: Multiple) -> Result<Vec<Vec<Field>>> {
-        let channels = self.channels.solved().into_iter();
-        let gathered = match multiple {
-            Multiple::Sweeps => return channels.map(|channel| self.diffuse(direct, channel)).collect(),
-            Multiple::None => {
-                vec![[Vec3::ZERO; harmonics::COUNT]; self.lattices[0].sample_count() as usize]
+        let channels = self.channels.solved();
+        let of_sky = |(place, &channel): (usize, &usize), gathered: &[Vec<f32>]| {
+            let density = self.density.coarsened(self.lattices[0]);
+            let mut fields = diffuse::sky(self.channel(channel), &density, &self.inflow(channel));
+            let gathered = gathered.iter().skip(place * fields.len());
+            for (field, gathered) in fields.iter_mut().zip(gathered) {
+                field.values.iter_mut().zip(gathered).for_each(|(value, added)| *value += added);
             }
-            Multiple::Photons(settings, radius) => {
-                let settings = photons::Settings { stored: Stored::Multiple, ..settings };
-                let photons = photons::trace(self.medium, self.lights, &settings, self.progress)?;
-                self.gathered(&PhotonMap::new(self.medium, &photons, radius)?)?
-            }
+            fields
         };
-        Ok(channels.map(|channel| self.with_sky(&gathered, channel)).collect())
+        Ok(match multiple {
+            Multiple::Sweeps => {
+                return channels.into_iter().map(|channel| self.diffuse(direct, channel)).collect();
+            }
+            Multiple::None => channels.iter().enumerate().map(|it| of_sky(it, &[])).collect(),
+            Multiple::Photons(settings, radius, passes) => {
+                let gathered = self.gathered(&settings, radius, passes, &channels)?;
+                channels.iter().enumerate().map(|it| of_sky(it, &gathered)).collect()
+            }
+        })
     }
 
     /// The same by sweeps, in one channel.
@@ -138,30 +157,32 @@ impl<'a> Builder<'a> {
         diffuse::solve(self.channel(channel), &levels, &self.inflow(channel), ACCURACY, self.progress)
     }
 
-    /// Coefficients of the light that was scattered before, from photons, at each sample.
-    fn gathered(&self, photons: &PhotonMap) -> Result<Vec<[Vec3; harmonics::COUNT]>> {
-        let lattice = self.lattices[0];
-        self.progress.begin("gather", Some(lattice.sample_count()), "samples");
-        let of_sample = |place: usize| {
-            if self.progress.cancelled() {
-                return [Vec3::ZERO; harmonics::COUNT];
+    /// Coefficients of the light that was scattered before, from photons, at each sample: the mean of some passes, each of which
+    /// has its own photons and a smaller radius than the one before.
+    fn gathered(
+        &self,
+        settings: &photons::Settings,
+        radius: Radius,
+        passes: u32,
+        channels: &[usize],
+    ) -> Result<Vec<Vec<f32>>> {
+        let wanted = Wanted { order: self.order, channels };
+        let mut means: Vec<Vec<f32>> = Vec::new();
+        let mut radius = radius;
+        for pass in 0..passes {
+            let seed = settings.seed.wrapping_add(pass);
+            let settings = photons::Settings { seed, stored: Stored::Multiple, ..*settings };
+            let photons = photons::trace(self.medium, self.lights, &settings, self.progress)?;
+            let map = PhotonMap::new(self.medium, &photons, radius)?;
+            let gathered = map.columns(&self.lattices[0], &wanted, self.progress)?;
+            means.resize(gathered.len(), vec![0.0; self.lattices[0].sample_count() as usize]);
+            let share = 1.0 / passes as f32;
+            for (mean, gathered) in means.iter_mut().zip(gathered) {
+                mean.iter_mut().zip(gathered).for_each(|(mean, it)| *mean += share * it);
             }
-            photons.coefficients(lattice.position(sample(&lattice, place)), self.order)
-        };
-        let samples = (0..lattice.sample_count() as usize).into_par_iter().with_min_len(256);
-        let gathered = samples.map(of_sample).collect();
-        if self.progress.cancelled() { Err(Error::Interrupted) } else { Ok(gathered) }
-    }
-
-    /// What was gathered, and the light of the sky, in one channel.
-    fn with_sky(&self, gathered: &[[Vec3; harmonics::COUNT]], channel: usize) -> Vec<Field> {
-        let density = self.density.coarsened(self.lattices[0]);
-        let mut fields = diffuse::sky(self.channel(channel), &density, &self.inflow(channel));
-        for (number, field) in fields.iter_mut().enumerate() {
-            let added = gathered.iter().map(|coefficients| coefficients[number][channel]);
-            field.values.iter_mut().zip(added).for_each(|(value, added)| *value += added);
+            radius = map.shrunk(pass);
         }
-        fields
+        Ok(means)
     }
 
     fn channel(&self, channel: usize) -> Channel {
@@ -179,6 +200,8 @@ impl<'a> Builder<'a> {
         let mut coefficients = vec![vec![0.0; lattice.sample_count() as usize]; count(self.order)];
         let weights = diffuse::weights(&self.density);
         let total = weights.coarsened(lattice);
+        // Of a ball as large as a cell.
+        let radius = lattice.spacing * (0.75 / std::f32::consts::PI).cbrt();
         for direct in direct {
             let first = channel.min(direct.channels - 1);
             let of_channel: Vec<f32> =
@@ -186,7 +209,9 @@ impl<'a> Builder<'a> {
             let transmittance = diffuse::mean(&weights, &total, &of_channel);
             for (place, &transmittance) in transmittance.values.iter().enumerate() {
                 let arrival = direct.light.toward(lattice.position(sample(&lattice, place)), [0.5; 2]);
-                let light = arrival.light[channel] * transmittance;
+                let spread =
+                    if arrival.distance.is_finite() { spread(arrival.distance, radius) } else { 1.0 };
+                let light = arrival.light[channel] * spread * transmittance;
                 let harmonics = harmonics::evaluate(-arrival.toward);
                 for (coefficients, harmonic) in coefficients.iter_mut().zip(harmonics) {
                     coefficients[place] += light * harmonic;
@@ -198,7 +223,7 @@ impl<'a> Builder<'a> {
 
     /// The directions in which light travels, with what the sky sends in along them.
     fn inflow(&self, channel: usize) -> Vec<Ordinate> {
-        let skies = self.lights.iter().filter_map(|light| match light {
+        let skies = self.parted.iter().filter_map(|light| match light {
             Light::Environment(sky) => Some(sky),
             _ => None,
         });
@@ -231,26 +256,10 @@ impl<'a> Builder<'a> {
         self.ordinates.iter().zip(inflow).map(ordinate).collect()
     }
 
-    /// Interleaves the fields. Where scattering is isotropic, distant lights go into the smooth field, which then is as fine as theirs.
-    pub(super) fn finish(self, mut direct: Vec<Direct>, mut fields: Vec<Vec<Field>>) -> Cache {
+    /// Interleaves the fields, and lights the density's bricks where that can be done once for all views.
+    pub(super) fn finish(self, direct: Vec<Direct>, fields: Vec<Vec<Field>>) -> Cache {
         let optics = self.medium.optics();
-        let mut lattice = self.lattices[0];
-        let is_merged = |direct: &Direct| self.order == 0 && matches!(direct.light, Light::Directional(_));
-        if direct.iter().any(is_merged) {
-            lattice = self.density.lattice;
-            for (fields, channel) in fields.iter_mut().zip(self.channels.solved()) {
-                let mut merged = fields[0].interpolated(lattice);
-                let isotropic = harmonics::evaluate(Vec3::Z)[0];
-                for direct in direct.iter().filter(|it| is_merged(it)) {
-                    let irradiance = isotropic * direct.light.toward(Vec3::ZERO, [0.5; 2]).light[channel];
-                    let first = channel.min(direct.channels - 1);
-                    let of_channel = direct.transmittance[first..].iter().step_by(direct.channels);
-                    merged.values.iter_mut().zip(of_channel).for_each(|(sum, it)| *sum += irradiance * it);
-                }
-                fields[0] = merged;
-            }
-            direct.retain(|it| !is_merged(it));
-        }
+        let lattice = self.lattices[0];
         let columns: Vec<&[f32]> = (0..count(self.order))
             .flat_map(|number| fields.iter().map(move |of_channel| &of_channel[number].values[..]))
             .collect();
@@ -260,15 +269,23 @@ impl<'a> Builder<'a> {
                 values.iter_mut().zip(&columns).for_each(|(value, column)| *value = column[place]);
             },
         );
-        Cache {
+        let (far, near) = direct.into_iter().partition(|it| matches!(it.light, Light::Directional(_)));
+        let mut cache = Cache {
             albedo: Vec3::from(optics.albedo),
             phase: optics.phase,
-            direct,
+            far,
+            near,
             lattice,
             smooth,
             order: self.order,
             channels: self.channels,
+            lit: None,
+        };
+        if self.order == 0 {
+            cache.lit = Some(cache.lit(self.medium, None));
+            cache.far = Vec::new();
         }
+        cache
     }
 }
 
@@ -282,6 +299,29 @@ fn spacing(grid: &Grid, least: f32, most: f64) -> f32 {
 fn samples(grid: &Grid, spacing: f32) -> f64 {
     let along = |count: u32| f64::from((count - 1) as f32 * grid.spacing() / spacing) + 5.0;
     grid.size().map(along).iter().product()
+}
+
+/// The mean of one over the square of the distance from a light over a ball whose middle is `distance` away, in units of that at the
+/// middle: what a sample near the light stands for is much less than what arrives at the very sample.
+fn spread(distance: f32, radius: f32) -> f32 {
+    let x = distance / radius;
+    if x > 8.0 {
+        return 1.0 + 0.2 / (x * x);
+    }
+    let logarithm = ((1.0 + x) / (1.0 - x).abs().max(f32::MIN_POSITIVE)).ln();
+    // Without the light's own place, where the square is 0 and the product is all that counts.
+    0.75 * x * x * (2.0 + (1.0 - x * x) / x.max(f32::MIN_POSITIVE) * logarithm)
+}
+
+/// A light, or in place of an image of the sky its suns and the rest.
+fn parted(light: &Light) -> Vec<Light> {
+    match light {
+        Light::Environment(sky) => {
+            let (suns, rest) = sky.without_suns();
+            suns.into_iter().map(Light::Directional).chain([Light::Environment(rest)]).collect()
+        }
+        light => vec![light.clone()],
+    }
 }
 
 /// Where a light without extent comes from.

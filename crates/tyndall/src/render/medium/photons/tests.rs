@@ -9,7 +9,7 @@ use crate::progress::Progress;
 const RIGHT: [FreePath; 2] = [FreePath::Exact, FreePath::Delta];
 
 fn settings(count: u64, free_path: FreePath) -> Settings {
-    Settings { count, seed: 3, free_path, stored: Stored::All }
+    Settings { count, seed: 3, free_path, stored: Stored::All, memory_bytes: None }
 }
 
 /// A plume: dense along its axis, nothing at its rim.
@@ -211,4 +211,23 @@ fn degenerate_requests_are_defined() {
     }
     let stopped = trace(&medium, &lights(), &settings(10_000, FreePath::Delta), &Stop);
     assert_eq!(stopped.unwrap_err().code(), "interrupted");
+}
+
+#[test]
+fn photons_that_do_not_fit_say_what_would() {
+    let medium = plume(0.9);
+    let attempt = |memory_bytes| {
+        let settings = Settings { memory_bytes, ..settings(100_000, FreePath::Delta) };
+        trace(&medium, &lights(), &settings, &())
+    };
+    let all = attempt(None).unwrap();
+    let needed = STORED_BYTES * all.stored.len() as u64;
+    assert_eq!(attempt(Some(needed)).unwrap().stored, all.stored);
+    let Err(Error::Memory { needed_bytes, available_bytes, hint, .. }) = attempt(Some(needed / 4)) else {
+        panic!("a quarter of the memory is not enough");
+    };
+    assert_eq!(available_bytes, needed / 4);
+    // Found from the photons followed until then, most of them of the first light.
+    assert!((0.5..2.0).contains(&(needed_bytes as f64 / needed as f64)), "{needed_bytes} {needed}");
+    assert!(hint.contains("--photons ") && hint.contains("--photon-passes"), "{hint}");
 }

@@ -1,0 +1,111 @@
+//! The surfaces that samples met: where they are, how they face, and their color.
+
+use fearless_simd::{f32x16, mask32x16, prelude::*, u32x16};
+use fearless_simd_macros::simd;
+use glam::Vec3;
+
+use super::hits::PACKETS;
+use super::tiles::RAYS;
+use crate::scene::Scene;
+use crate::scene::camera::View;
+use crate::simd::Lanes3;
+
+/// What sixteen rays met, where they met anything.
+pub(super) struct Met<S: Simd> {
+    pub(super) hits: mask32x16<S>,
+    pub(super) position: Lanes3<f32x16<S>>,
+    pub(super) normal: Lanes3<f32x16<S>>,
+    /// The cosine between the normal and the way back to the eye.
+    pub(super) cosine: f32x16<S>,
+    pub(super) color: Lanes3<f32x16<S>>,
+}
+
+/// Looks up what rays met at `depth` and `node`; none if they met nothing. `varying` are their origins (orthographic) or directions
+/// (perspective).
+#[simd]
+pub(super) fn look_up<S: Simd>(
+    simd: S,
+    scene: &Scene,
+    view: &View,
+    (depth, node): (&[f32; RAYS], &[u32; RAYS]),
+    varying: Lanes3<f32x16<S>>,
+) -> Option<Met<S>> {
+    let depth = f32x16::load_array_ref(simd, depth);
+    let hits = depth.simd_lt(f32x16::splat(simd, f32::INFINITY));
+    let bits = hits.to_bitmask();
+    if bits == 0 {
+        return None;
+    }
+
+    // Neighboring rays often meet the same particle: it is looked up once for all of them.
+    let zero = f32x16::splat(simd, 0.0);
+    let mut center = Lanes3 { x: zero, y: zero, z: zero };
+    let mut radius = zero;
+    let mut color = Lanes3 { x: zero, y: zero, z: zero };
+    let nodes = u32x16::load_array_ref(simd, node);
+    let mut left = bits;
+    while left != 0 {
+        let node = node[left.trailing_zeros() as usize];
+        let same = nodes.simd_eq(u32x16::splat(simd, node));
+        left &= !same.to_bitmask();
+        let sphere = scene.structure().sphere(node);
+        center = Lanes3::splat(simd, sphere.0).where_else(same, center);
+        radius = same.select(f32x16::splat(simd, sphere.1), radius);
+        color = Lanes3::splat(simd, Vec3::from_array(scene.color(node))).where_else(same, color);
+    }
+
+    let (origin, direction) = if view.perspective {
+        (Lanes3::splat(simd, view.eye), varying)
+    } else {
+        (varying, Lanes3::splat(simd, view.forward))
+    };
+    let outward = origin.plus(direction.times(depth)).minus(center);
+    // A sphere so small that rounding leaves no direction faces the eye.
+    let length_sq = outward.dot(outward);
+    let is_clear = length_sq.simd_gt(f32x16::splat(simd, f32::MIN_POSITIVE));
+    let normal = outward.times(f32x16::splat(simd, 1.0) / length_sq.sqrt());
+    let normal = normal.where_else(is_clear, Lanes3 { x: -direction.x, y: -direction.y, z: -direction.z });
+    let position = center.plus(normal.times(radius));
+    Some(Met { hits, position, normal, cosine: -normal.dot(direction), color })
+}
+
+/// What one sample of every pixel of a film tile met, by packet; see `hits`.
+pub(super) struct Layer {
+    /// A bit for each lane that met something; where it is zero the rest of the packet means nothing.
+    pub(super) hits: [u16; PACKETS],
+    pub(super) node: [[u32; RAYS]; PACKETS],
+    /// By axis.
+    pub(super) position: [[[f32; RAYS]; 3]; PACKETS],
+    pub(super) normal: [[[f32; RAYS]; 3]; PACKETS],
+    pub(super) color: [[[f32; RAYS]; 3]; PACKETS],
+    /// Light gathered so far.
+    pub(super) brightness: [[f32; RAYS]; PACKETS],
+}
+
+impl Layer {
+    pub(super) fn new() -> Box<Self> {
+        Box::new(Self {
+            hits: [0; PACKETS],
+            node: [[0; RAYS]; PACKETS],
+            position: [[[0.0; RAYS]; 3]; PACKETS],
+            normal: [[[0.0; RAYS]; 3]; PACKETS],
+            color: [[[0.0; RAYS]; 3]; PACKETS],
+            brightness: [[0.0; RAYS]; PACKETS],
+        })
+    }
+
+    /// Holds what a packet met, dark.
+    #[inline(always)]
+    pub(super) fn set<S: Simd>(&mut self, packet: usize, node: &[u32; RAYS], met: Option<Met<S>>) {
+        let Some(met) = met else {
+            self.hits[packet] = 0;
+            return;
+        };
+        self.hits[packet] = met.hits.to_bitmask() as u16;
+        self.node[packet] = *node;
+        met.position.store(&mut self.position[packet]);
+        met.normal.store(&mut self.normal[packet]);
+        met.color.store(&mut self.color[packet]);
+        self.brightness[packet] = [0.0; RAYS];
+    }
+}

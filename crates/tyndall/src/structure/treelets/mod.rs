@@ -1,0 +1,228 @@
+//! Treelets: a shallow hierarchy of wide nodes over small k-d trees in place.
+//!
+//! The particles are cut into runs of at most `Options::size`; each run is a left-balanced heap (see `structure/heap/`) with a box and a
+//! largest radius of its own. Above them stand the eight-wide nodes of [`super::bvh`], here with a pointer to each child, because
+//! cuts through the middle of space leave runs of any length. Invariant: a decoded box holds every sphere below it. Radius counts as
+//! a coordinate when runs are cut, so that a large particle inflates few treelets. `build` cuts and sorts. Source: Gralka, Wald,
+//! Geringer, Reina, Ertl 2020, Spatial Partitioning Strategies for Memory-Efficient Ray Tracing of Particles.
+
+mod build;
+
+use fearless_simd::{Level, dispatch, f32x8, prelude::*};
+use fearless_simd_macros::simd;
+use glam::Vec3;
+
+use super::bvh::{Node, Slabs, WIDTH};
+use super::heap::{self, Columns, Heap, Stack};
+use super::pkd;
+use super::search::Search;
+use super::selection::Test;
+use super::{Hit, box_slack};
+use crate::math::{Bounds, Ray};
+
+/// Where a run of particles is cut in two.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Cut {
+    /// Half of the particles go to each side, but for whole treelets: all treelets are full but the last.
+    #[default]
+    Median,
+    /// Through the middle of the space that the centers take: treelets are of any size, boxes fit better where particles cluster.
+    Middle,
+}
+
+/// How to build and walk.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Options {
+    /// Particles in a treelet, at most; from 16 to 4096 is sensible.
+    pub size: u32,
+    /// Where runs are cut until they are treelets.
+    pub cut: Cut,
+    /// The k-d trees.
+    pub heap: pkd::Options,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self { size: 64, cut: Cut::default(), heap: pkd::Options::default() }
+    }
+}
+
+/// A node or a treelet, by its place among its like.
+#[derive(Clone, Copy)]
+enum Child {
+    Node(u32),
+    Treelet(u32),
+}
+
+/// What the eight boxes of a node hold.
+#[derive(Clone, Copy)]
+struct Children {
+    places: [u32; WIDTH],
+    /// A bit for every child that is a treelet.
+    treelets: u8,
+    /// A bit for every child that there is.
+    existing: u8,
+}
+
+impl Children {
+    #[inline(always)]
+    fn child(&self, child: usize) -> Child {
+        let place = self.places[child];
+        if self.treelets >> child & 1 == 1 { Child::Treelet(place) } else { Child::Node(place) }
+    }
+}
+
+/// See the module.
+pub struct Treelets {
+    columns: Columns,
+    /// One a treelet, in the order of their particles.
+    heaps: Vec<Heap>,
+    /// The root first; none without particles.
+    nodes: Vec<Node>,
+    /// Of every node.
+    children: Vec<Children>,
+    bounds: Bounds,
+    /// By how much boxes are grown against the rounding of coordinates.
+    slack: f32,
+    order: pkd::Order,
+}
+
+impl Treelets {
+    /// See [`super::Structure::intersect`].
+    pub fn intersect(&self, ray: &Ray, except: Option<u32>) -> Option<Hit> {
+        self.search(Search::nearest(ray, except))
+    }
+
+    /// See [`super::Structure::occluded`].
+    pub fn occluded(&self, ray: &Ray, except: Option<u32>) -> bool {
+        self.search(Search::any(ray, except)).is_some()
+    }
+
+    fn search(&self, mut search: Search) -> Option<Hit> {
+        dispatch!(Level::new(), simd => walk(simd, self, &mut search));
+        search.found(self.ids())
+    }
+
+    /// The same particles with radii `scale` times those that were built; boxes are found anew.
+    pub(super) fn scaled(mut self, scale: f32) -> Self {
+        self.columns.scale_radii(scale);
+        if !self.nodes.is_empty() {
+            self.bounds = self.fit(0);
+        }
+        self.slack = box_slack(&self.bounds);
+        self
+    }
+
+    /// Finds the boxes of the children of a node anew; its own box.
+    fn fit(&mut self, node: usize) -> Bounds {
+        let children = self.children[node];
+        let count = children.existing.count_ones() as usize;
+        let boxes: Vec<Bounds> = (0..count)
+            .map(|child| match children.child(child) {
+                Child::Node(place) => self.fit(place as usize),
+                Child::Treelet(place) => {
+                    let (heap, count) = self.heap(place as usize);
+                    let nodes = heap.first..heap.first + count as u32;
+                    let spheres = nodes.map(|node| self.sphere(node));
+                    let boxes =
+                        spheres.map(|(center, radius)| Bounds { min: center, max: center }.grown(radius));
+                    boxes.fold(Bounds::EMPTY, Bounds::union)
+                }
+            })
+            .collect();
+        self.nodes[node] = Node::encode(&boxes);
+        boxes.into_iter().fold(Bounds::EMPTY, Bounds::union)
+    }
+
+    /// See [`super::Structure::show`].
+    pub(super) fn show(&mut self, tests: &[Test]) -> u64 {
+        self.columns.show(tests, &self.heaps)
+    }
+
+    /// See [`super::Structure::shows`].
+    pub(super) fn shows(&self, node: u32) -> bool {
+        self.columns.shows(node as usize)
+    }
+
+    /// See [`super::Structure::sphere`].
+    #[inline(always)]
+    pub fn sphere(&self, node: u32) -> (Vec3, f32) {
+        self.columns.sphere(node)
+    }
+
+    /// The ids, by node.
+    pub fn ids(&self) -> &[u32] {
+        self.columns.ids()
+    }
+
+    /// The box of all particles, radii included.
+    pub fn bounds(&self) -> Bounds {
+        self.bounds
+    }
+
+    /// Memory that it takes in bytes, without the ids.
+    pub fn bytes(&self) -> u64 {
+        let nodes = size_of_val(&self.nodes[..]) + size_of_val(&self.children[..]);
+        self.columns.bytes() + (nodes + size_of_val(&self.heaps[..])) as u64
+    }
+
+    /// A treelet, and how many particles it has.
+    #[inline(always)]
+    fn heap(&self, treelet: usize) -> (&Heap, usize) {
+        let end = self.heaps.get(treelet + 1).map_or(self.ids().len(), |next| next.first as usize);
+        (&self.heaps[treelet], end - self.heaps[treelet].first as usize)
+    }
+}
+
+/// More entries than the deepest tree can leave on the stack: see [`build`].
+const STACK: usize = 192;
+
+#[simd]
+fn walk<S: Simd>(simd: S, treelets: &Treelets, search: &mut Search) {
+    if treelets.nodes.is_empty() {
+        return;
+    }
+    let t_min = search.ray().t_min;
+    let slabs = Slabs::new(simd, (treelets.bounds, treelets.slack), search);
+    let mut regions = Stack::default();
+    let mut stack = [(0.0_f32, Child::Node(0)); STACK];
+    let mut top = 1;
+    while top > 0 {
+        top -= 1;
+        let (near, child) = stack[top];
+        if near > search.t_far {
+            continue;
+        }
+        let place = match child {
+            Child::Node(place) => place as usize,
+            Child::Treelet(place) => {
+                let heap = treelets.heap(place as usize);
+                let (columns, slack, order) = (&treelets.columns, treelets.slack, treelets.order);
+                if heap::walk(simd, columns, heap, slack, order, search, &mut regions) {
+                    return;
+                }
+                continue;
+            }
+        };
+        // Meet the eight boxes at once.
+        let (enter, leave) = slabs.cross(simd, &treelets.nodes[place]);
+        let enter = enter.max(f32x8::splat(simd, t_min));
+        let leave = leave.min(f32x8::splat(simd, search.t_far));
+        let children = &treelets.children[place];
+        let mut kept = enter.simd_le(leave).to_bitmask() as u32 & u32::from(children.existing);
+        let enter = enter.to_array();
+        let first = top;
+        while kept != 0 {
+            let child = kept.trailing_zeros() as usize;
+            kept &= kept - 1;
+            // Insertion sort: far before near, so that the nearest is popped first.
+            let mut slot = top;
+            while slot > first && stack[slot - 1].0 < enter[child] {
+                stack[slot] = stack[slot - 1];
+                slot -= 1;
+            }
+            stack[slot] = (enter[child], children.child(child));
+            top += 1;
+        }
+    }
+}
