@@ -11,6 +11,7 @@ use tyndall::scene::select::{Clip, Filter};
 use tyndall::scene::viewpoint::Side;
 
 use crate::culling::CullingArgs;
+use crate::device::Choice;
 use crate::medium::args::Medium;
 use crate::values::{Background, Degrees, Ortho, Size, Slice, count, length, point};
 
@@ -38,8 +39,10 @@ pub(crate) enum Verb {
     Render(Box<Render>),
     /// Says what is in a file
     Info(Info),
+    /// Lists what can render: the processor and the graphics cards
+    Devices(Devices),
     /// Measures building and rendering on synthetic particles
-    Bench(Bench),
+    Bench(Box<Bench>),
     /// Prints a script that completes commands in a shell
     Completions {
         /// The shell
@@ -279,6 +282,9 @@ pub(crate) struct Method {
     pub(crate) mode: Mode,
     #[command(flatten)]
     pub(crate) structure: StructureArgs,
+    /// What renders: auto takes a graphics card if there is one and the particles fit, cpu, gpu, gpu:NAME (see `tyndall devices`)
+    #[arg(long, value_name = "DEVICE", default_value = "auto")]
+    pub(crate) device: Choice,
     /// Memory that may be used, such as 500M or 16G, instead of all that is free; what does not fit is read in parts where its
     /// format allows that
     #[arg(long, value_name = "BYTES", value_parser = crate::values::bytes)]
@@ -389,15 +395,21 @@ pub(crate) struct Info {
 }
 
 #[derive(Args)]
+pub(crate) struct Devices {
+    #[command(flatten)]
+    pub(crate) common: Common,
+}
+
+#[derive(Args)]
 pub(crate) struct Bench {
     /// What to measure
     #[arg(default_value = "spheres")]
     pub(crate) what: BenchWhat,
-    /// Particle counts
-    #[arg(long, value_name = "COUNTS", value_delimiter = ',', default_value = "1e6", value_parser = count)]
+    /// Particle counts [default: 1e6; of gpu 1e6,1e7,1e8]
+    #[arg(long, value_name = "COUNTS", value_delimiter = ',', value_parser = count)]
     pub(crate) n: Vec<u64>,
-    /// Sets of particles
-    #[arg(long, value_name = "NAMES", value_delimiter = ',', default_value = "packed,uniform,clustered")]
+    /// Sets of particles [default: packed,uniform,clustered; of gpu also nozzle,virion,fluid,ablation at their own counts]
+    #[arg(long, value_name = "NAMES", value_delimiter = ',')]
     pub(crate) sets: Vec<String>,
     /// Pixels across and down; other than the default compares with nothing
     #[arg(long, value_name = "WxH", default_value = "800x800")]
@@ -405,6 +417,18 @@ pub(crate) struct Bench {
     /// Prints one JSON object
     #[arg(long)]
     pub(crate) json: bool,
+    /// Of gpu: the card, gpu or gpu:NAME
+    #[arg(long, value_name = "DEVICE", default_value = "auto")]
+    pub(crate) device: Choice,
+    /// Of gpu: begins no set after so many seconds
+    #[arg(long, value_name = "SECONDS", value_parser = clap::value_parser!(u64).range(1..))]
+    pub(crate) time: Option<u64>,
+    /// Of gpu: a file that has all figures so far, after each set
+    #[arg(long, value_name = "FILE")]
+    pub(crate) figures: Option<PathBuf>,
+    /// Of gpu: compares layouts of the kernel too
+    #[arg(long)]
+    pub(crate) variants: bool,
     #[command(flatten)]
     pub(crate) structure: StructureArgs,
     #[command(flatten)]
@@ -419,4 +443,6 @@ pub(crate) enum BenchWhat {
     Structures,
     /// Density, light and march, as in the tables of Cha, Son and Ihm 2009
     Medium,
+    /// Spheres on a graphics card
+    Gpu,
 }

@@ -6,9 +6,9 @@
 //! default look has one to the key light as well. Single rays are asked of `bvh` and of `pkd` over the same particles; `structures`
 //! asks all.
 
-mod rays;
+pub(crate) mod rays;
 mod structures;
-mod table;
+pub(crate) mod table;
 
 use std::time::Instant;
 
@@ -30,6 +30,9 @@ use crate::dry_run::check_memory;
 use crate::report::{Outcome, Report};
 use crate::structure;
 use table::{Cell, Table};
+
+/// What is measured if nothing is said.
+pub(crate) const SETS: [&str; 3] = ["packed", "uniform", "clustered"];
 
 const PICTURES: [&str; 13] = [
     "set",
@@ -60,7 +63,7 @@ const RAYS: [&str; 9] = [
 
 /// Measures every set at every count.
 pub(crate) fn run(args: &args::Bench, report: &Report) -> Outcome<()> {
-    if args.what != args::BenchWhat::Medium {
+    if !matches!(args.what, args::BenchWhat::Medium | args::BenchWhat::Gpu) {
         let threads = rayon::current_num_threads();
         report.note(format_args!("tyndall {}, {threads} threads", env!("CARGO_PKG_VERSION")));
     }
@@ -68,12 +71,17 @@ pub(crate) fn run(args: &args::Bench, report: &Report) -> Outcome<()> {
         args::BenchWhat::Spheres => {}
         args::BenchWhat::Structures => return structures::run(args, report),
         args::BenchWhat::Medium => return bench_medium::run(report),
+        #[cfg(feature = "gpu")]
+        args::BenchWhat::Gpu => return crate::bench_gpu::run(args, report),
+        #[cfg(not(feature = "gpu"))]
+        args::BenchWhat::Gpu => {
+            let why = "this build knows no GPU — build it with --features gpu";
+            return Err(tyndall::Error::Device(why.into()).into());
+        }
     }
     let mut bench = Bench::new(args, report)?;
-    for &count in &args.n {
-        for set in &args.sets {
-            bench.measure(set, count)?;
-        }
+    for (set, count) in jobs(args) {
+        bench.measure(set, count)?;
     }
     if args.json {
         let tables = json!({ "pictures": bench.pictures.json(), "rays": bench.rays.json() });
@@ -84,6 +92,14 @@ pub(crate) fn run(args: &args::Bench, report: &Report) -> Outcome<()> {
         true => Ok(()),
         false => report.out(&format!("\n{}", bench.rays.markdown())),
     }
+}
+
+/// The sets and counts that are asked for, all sets of one count together.
+fn jobs(args: &args::Bench) -> impl Iterator<Item = (&str, u64)> {
+    let counts = if args.n.is_empty() { vec![1_000_000] } else { args.n.clone() };
+    let sets =
+        if args.sets.is_empty() { SETS.to_vec() } else { args.sets.iter().map(String::as_str).collect() };
+    counts.into_iter().flat_map(move |count| sets.clone().into_iter().map(move |set| (set, count)))
 }
 
 /// What is measured with, and what was found.
@@ -121,7 +137,7 @@ impl<'a> Bench<'a> {
         let colors = ParticleColors::constant([0.7; 3]);
         let mut scene = Scene::new(structure, colors, Lighting::Headlight, Some([1.0; 3]));
         for (name, projection) in PROJECTIONS {
-            let camera = camera(projection);
+            let camera = camera_of_cube(projection);
             let view =
                 camera.view(scene.structure().origin(), self.args.size.width, self.args.size.height)?;
             let studio = Lighting::studio(view.forward, view.right, view.up);
@@ -160,7 +176,11 @@ impl<'a> Bench<'a> {
         let (width, height) = (self.args.size.width, self.args.size.height);
         let mut sets: Vec<Vec<Ray>> = Vec::new();
         for (_, projection) in PROJECTIONS {
-            sets.push(rays::coherent(&camera(projection).view(bvh.origin(), width, height)?, width, height));
+            sets.push(rays::coherent(
+                &camera_of_cube(projection).view(bvh.origin(), width, height)?,
+                width,
+                height,
+            ));
         }
         let cube = Bounds { min: Vec3::ZERO, max: Vec3::ONE };
         sets.push(rays::incoherent(&cube.moved(-bvh.origin().as_vec3())));
@@ -219,13 +239,13 @@ impl<'a> Bench<'a> {
     }
 }
 
-const PROJECTIONS: [(&str, Projection); 2] = [
+pub(crate) const PROJECTIONS: [(&str, Projection); 2] = [
     ("orthographic", Projection::Orthographic { height: 1.8 }),
     ("perspective", Projection::Perspective { vertical_angle: std::f64::consts::PI / 6.0 }),
 ];
 
 /// Of the unit cube.
-fn camera(projection: Projection) -> Camera {
+pub(crate) fn camera_of_cube(projection: Projection) -> Camera {
     camera_of(projection, DVec3::splat(0.5), 1.0)
 }
 

@@ -5,8 +5,11 @@
 mod args;
 mod bench;
 mod bench_density;
+#[cfg(feature = "gpu")]
+mod bench_gpu;
 mod bench_medium;
 mod culling;
+mod device;
 mod dry_run;
 mod help;
 mod info;
@@ -40,6 +43,7 @@ fn main() -> ExitCode {
     let done = match cli.verb {
         Verb::Render(args) => with(&args.common, |report| render::run(&args, report)),
         Verb::Info(args) => with(&args.common, |report| info::run(&args, report)),
+        Verb::Devices(args) => with(&args.common, device::list),
         Verb::Bench(args) => with(&args.common, |report| bench::run(&args, report)),
         Verb::Completions { shell } => told(help::completions(shell)),
         Verb::Man { verb } => told(help::man(verb.as_deref())),

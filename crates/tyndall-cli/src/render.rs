@@ -7,7 +7,7 @@ use std::time::Instant;
 
 use tyndall::particles::{Particles, Radii};
 use tyndall::render::estimate::Work;
-use tyndall::render::{Culling, Renderer, Settings};
+use tyndall::render::{Culling, Settings};
 use tyndall::scene::automatic::{self, Outliers};
 use tyndall::scene::camera::{Camera, VERTICAL_ANGLE};
 use tyndall::scene::color::{ParticleColors, resolve};
@@ -17,11 +17,12 @@ use tyndall::scene::outline::Outline;
 use tyndall::scene::viewpoint::{Lens, Motion, Viewpoint, too_small, why_unseen};
 use tyndall::scene::{Scene, short};
 use tyndall::structure::{Kind, Spheres, Structure};
-use tyndall::{Error, Image, Source};
+use tyndall::{Error, Source};
 use tyndall_io::write::{self, ImageOptions};
 use tyndall_io::{Parts, Sequence};
 
 use crate::args::{self, LightLook, Mode};
+use crate::device::{self, Renders};
 use crate::output::Pattern;
 use crate::plan::{self, Picture};
 use crate::report::{Failure, Outcome, Report, counted, seconds};
@@ -76,6 +77,7 @@ struct Job<'a> {
     viewpoint: Viewpoint,
     background: Option<[f32; 3]>,
     pattern: Pattern,
+    renders: Renders,
 }
 
 impl<'a> Job<'a> {
@@ -84,6 +86,7 @@ impl<'a> Job<'a> {
         let samples = samples.unwrap_or(Settings::default().samples);
         let culling = culling::culling(&args.method.culling);
         let settings = Settings { width: size.width, height: size.height, samples, seed: *seed, culling };
+        let structure = structure::kind(&args.method.structure)?;
         let background = match background.unwrap_or(Background::Color([1.0; 3])) {
             Background::Nothing => None,
             Background::Color(color) => Some(color),
@@ -96,10 +99,11 @@ impl<'a> Job<'a> {
             args,
             report,
             settings,
-            structure: structure::kind(&args.method.structure)?,
+            structure,
             viewpoint: viewpoint(args)?,
             background: if *alpha { None } else { background },
             pattern: Pattern::new(&args.picture.output),
+            renders: Renders::new(&args.method.device, device::Work { structure, culling }, report)?,
         })
     }
 
@@ -244,10 +248,19 @@ impl<'a> Job<'a> {
             self.tell(is_first, &text);
             guesses.push(text);
         }
+        let loading = Instant::now();
+        let loaded = self.renders.load(&scene, self.report)?;
+        self.report.detail(format_args!("upload: {}", seconds(loading.elapsed().as_secs_f64())));
         for (place, picture) in pictures.iter().enumerate() {
             let rendering = Instant::now();
             let camera = self.viewpoint.turned(&camera, &outline, picture.turn);
-            let image = self.image(&mut scene, dropped, &camera)?;
+            self.set_light(&mut scene, dropped, &camera)?;
+            let image = loaded.image(&scene, &camera, &self.settings, self.report)?;
+            if image.shows_nothing() {
+                let Settings { width, height, .. } = self.settings;
+                let view = camera.view(scene.structure().origin(), width, height)?;
+                return Err(Failure::Unseen(why_unseen(scene.structure(), dropped, &view)));
+            }
             self.report.detail(format_args!("render: {}", seconds(rendering.elapsed().as_secs_f64())));
             let options = ImageOptions {
                 bits: if self.args.picture.bits == "16" { 16 } else { 8 },
@@ -276,7 +289,8 @@ impl<'a> Job<'a> {
         }
     }
 
-    fn image(&self, scene: &mut Scene, dropped: u64, camera: &Camera) -> Outcome<Image> {
+    /// Lights the scene for a camera. Fails if there is nothing to light.
+    fn set_light(&self, scene: &mut Scene, dropped: u64, camera: &Camera) -> Outcome<()> {
         let Settings { width, height, .. } = self.settings;
         let view = camera.view(scene.structure().origin(), width, height)?;
         if scene.structure().is_empty() {
@@ -287,14 +301,7 @@ impl<'a> Job<'a> {
             LightLook::Headlight => Lighting::Headlight,
             LightLook::Flat => Lighting::Flat,
         };
-        let mut renderer = Renderer::new(scene, camera, &self.settings)?;
-        renderer.finish(self.report.progress())?;
-        let image = renderer.image();
-        culling::tell(&self.settings.culling, &renderer.counts(), self.report);
-        match image.shows_nothing() {
-            true => Err(Failure::Unseen(why_unseen(scene.structure(), dropped, &view))),
-            false => Ok(image),
-        }
+        Ok(())
     }
 
     fn radii(&self, particles: &Particles, kept: Option<&Kept>) -> (Radii, String) {
@@ -346,7 +353,7 @@ impl<'a> Job<'a> {
     ) -> Vec<String> {
         let name = structure::name(self.structure);
         let Settings { width, height, samples, .. } = self.settings;
-        let mut guesses = vec![format!("{name}, cpu {} threads", rayon::current_num_threads())];
+        let mut guesses = vec![format!("{name}, {}", self.renders.name())];
         guesses.push(counted(count, "particle"));
         guesses.extend(conventions.iter().cloned());
         guesses.extend([radius.to_string(), colors.description.clone(), framing.to_string()]);

@@ -19,7 +19,7 @@ const LEAST_SHARE: usize = 256;
 const RUNS: usize = 3;
 
 /// The rays through the centers of all pixels, row by row.
-pub(super) fn coherent(view: &View, width: u32, height: u32) -> Vec<Ray> {
+pub(crate) fn coherent(view: &View, width: u32, height: u32) -> Vec<Ray> {
     let row = |y: u32| (0..width).map(move |x| view.ray(x as f32 + 0.5, y as f32 + 0.5));
     (0..height).flat_map(row).collect()
 }
@@ -37,7 +37,7 @@ pub(super) fn incoherent(bounds: &Bounds) -> Vec<Ray> {
 }
 
 /// Rays answered in a microsecond by all threads, so millions in a second.
-pub(super) fn rate(structure: &Structure, rays: &[Ray]) -> f64 {
+pub(crate) fn rate(structure: &Structure, rays: &[Ray]) -> f64 {
     let secs = || {
         let start = Instant::now();
         let rays = rays.par_iter().with_min_len(LEAST_SHARE);

@@ -8,7 +8,7 @@ use tyndall::structure::treelets::{self, Cut};
 use tyndall::structure::{Kind, Packing, Structure, pkd};
 
 use super::table::{Cell, Table};
-use super::{Bench, PROJECTIONS, camera_of, rays};
+use super::{Bench, PROJECTIONS, camera_of, jobs, rays};
 use crate::args;
 use crate::dry_run::check_memory;
 use crate::report::{Outcome, Report};
@@ -36,30 +36,28 @@ pub(super) fn run(args: &args::Bench, report: &Report) -> Outcome<()> {
     };
     let bench = Bench::new(args, report)?;
     let mut table = Table::new(&HEADINGS);
-    for &count in &args.n {
-        for set in &args.sets {
-            for kind in kinds(heap) {
-                let work = Work::of_count(count, kind, bench.settings(1));
-                check_memory(&work, work.memory_bytes(), None)?;
-                let (structure, build_secs) = bench.build(set, count, kind)?;
-                let (coherent, incoherent) = rates(&structure, args)?;
-                let (size, cut) = match kind {
-                    Kind::Treelets(options) => (Cell::Count(options.size as usize), cut_name(options.cut)),
-                    _ => (Cell::Unknown, "–"),
-                };
-                let held = structure.bytes() as f64 / structure.len().max(1) as f64;
-                table.add([
-                    Cell::Word(set.clone()),
-                    Cell::Count(structure.len()),
-                    Cell::Word(structure::name(kind).into()),
-                    size,
-                    Cell::Word(cut.into()),
-                    Cell::Number(held, 2),
-                    Cell::Number(build_secs, 2),
-                    Cell::Number(coherent, 2),
-                    Cell::Number(incoherent, 2),
-                ]);
-            }
+    for (set, count) in jobs(args) {
+        for kind in kinds(heap) {
+            let work = Work::of_count(count, kind, bench.settings(1));
+            check_memory(&work, work.memory_bytes(), None)?;
+            let (structure, build_secs) = bench.build(set, count, kind)?;
+            let (coherent, incoherent) = rates(&structure, args)?;
+            let (size, cut) = match kind {
+                Kind::Treelets(options) => (Cell::Count(options.size as usize), cut_name(options.cut)),
+                _ => (Cell::Unknown, "–"),
+            };
+            let held = structure.bytes() as f64 / structure.len().max(1) as f64;
+            table.add([
+                Cell::Word(set.into()),
+                Cell::Count(structure.len()),
+                Cell::Word(structure::name(kind).into()),
+                size,
+                Cell::Word(cut.into()),
+                Cell::Number(held, 2),
+                Cell::Number(build_secs, 2),
+                Cell::Number(coherent, 2),
+                Cell::Number(incoherent, 2),
+            ]);
         }
     }
     match args.json {

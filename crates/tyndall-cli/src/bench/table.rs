@@ -3,7 +3,7 @@
 use serde_json::{Map, Value, json};
 
 /// What stands in a table.
-pub(super) enum Cell {
+pub(crate) enum Cell {
     Word(String),
     Count(usize),
     /// A number, and how many decimals people want of it.
@@ -13,29 +13,29 @@ pub(super) enum Cell {
 }
 
 /// Rows of cells under headings, of which no two are alike.
-pub(super) struct Table {
+pub(crate) struct Table {
     headings: Vec<&'static str>,
     rows: Vec<Vec<Cell>>,
 }
 
 impl Table {
     /// Without rows yet.
-    pub(super) fn new(headings: &[&'static str]) -> Self {
+    pub(crate) fn new(headings: &[&'static str]) -> Self {
         Self { headings: headings.to_vec(), rows: Vec::new() }
     }
 
     /// Adds a row: a cell for each heading.
-    pub(super) fn add(&mut self, row: impl IntoIterator<Item = Cell>) {
+    pub(crate) fn add(&mut self, row: impl IntoIterator<Item = Cell>) {
         self.rows.push(row.into_iter().collect());
     }
 
     /// Whether it has no rows.
-    pub(super) fn is_empty(&self) -> bool {
+    pub(crate) fn is_empty(&self) -> bool {
         self.rows.is_empty()
     }
 
     /// An object a row, by heading.
-    pub(super) fn json(&self) -> Value {
+    pub(crate) fn json(&self) -> Value {
         let value = |cell: &Cell| match cell {
             Cell::Word(word) => json!(word),
             Cell::Count(count) => json!(count),
@@ -52,7 +52,7 @@ impl Table {
     }
 
     /// Words to the left, numbers to the right.
-    pub(super) fn markdown(&self) -> String {
+    pub(crate) fn markdown(&self) -> String {
         let text = |cell: &Cell| match cell {
             Cell::Word(word) => word.clone(),
             Cell::Count(count) => tyndall::scene::grouped(*count),

@@ -9,7 +9,7 @@
 
 use glam::DVec3;
 
-use super::cpu::Samples;
+use super::sampling::Samples;
 use super::{Settings, certified, cpu};
 use crate::error::{Error, Result};
 use crate::film::Image;

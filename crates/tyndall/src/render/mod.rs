@@ -8,6 +8,8 @@ pub mod certified;
 pub mod confidence;
 pub mod cpu;
 pub mod estimate;
+#[cfg(feature = "gpu")]
+pub mod gpu;
 pub mod interactive;
 pub mod medium;
 mod sampling;
@@ -18,8 +20,9 @@ use crate::film::Image;
 use crate::progress::Progress;
 use crate::scene::Scene;
 use crate::scene::camera::{Camera, View};
-use cpu::{Film, Samples};
+use cpu::Film;
 pub use interactive::Interactive;
+use sampling::Samples;
 
 /// The knobs of a picture.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -150,8 +153,9 @@ impl<'a> Renderer<'a> {
 
     /// The samples of every pixel that come after the first `done`, if any are missing.
     fn next_pass(&mut self, done: u32) -> Option<cpu::Pass<'a>> {
-        let added = Samples::after(done, self.settings.samples, self.settings.seed)?;
-        Some(self.film.pass(self.scene, self.view, added, self.settings.culling.certified()))
+        let Settings { samples, seed, culling, .. } = self.settings;
+        let added = Samples::after(done, samples, seed)?;
+        Some(self.film.pass(self.scene, self.view, added, culling.certified()))
     }
 
     fn add(&mut self, passes: &[cpu::Pass], progress: &dyn Progress) -> Result<()> {

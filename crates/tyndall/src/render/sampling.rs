@@ -4,6 +4,66 @@
 //! 2^k x 2^k, so that passes can stop anywhere and go on. Sources: Kollig and Keller 2002, Efficient Multidimensional Sampling;
 //! Burley 2020, Practical Hash-based Owen Scrambling.
 
+/// Pixels along the edge of the pattern in which samples repeat.
+pub(super) const PATTERN: usize = 8;
+
+/// Which samples of a picture a pass adds.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Samples {
+    pub(crate) seed: u32,
+    /// The first one's number.
+    pub(crate) first: u32,
+    /// 16, 4 or 1 a pixel.
+    pub(crate) count: u32,
+    /// Whether they lie in the middle of their pixel.
+    pub(crate) centered: bool,
+}
+
+impl Samples {
+    /// Those that come after the first `done` of a picture with `all` samples a pixel; none if it has them.
+    pub(super) fn after(done: u32, all: u32, seed: u32) -> Option<Self> {
+        let count = match all - done {
+            0 => return None,
+            1..4 => 1,
+            4..16 => 4,
+            _ => 16,
+        };
+        Some(Self { seed, first: done, count, centered: all == 1 })
+    }
+
+    /// Where sample `sample` of these lies in a pixel, by the pixel's place in the pattern.
+    pub(super) fn offset(&self, place: usize, sample: u32) -> [f32; 2] {
+        if self.centered {
+            return [0.5; 2];
+        }
+        point(self.seed, Dimension::Pixel, 1 + place as u32, self.first + sample)
+    }
+}
+
+/// How near samples have come to the centers of their pixels, squared, by the pixel's place in the pattern.
+#[derive(Clone)]
+pub(super) struct Nearness([f32; PATTERN * PATTERN]);
+
+impl Nearness {
+    /// Without samples.
+    pub(super) const NONE: Self = Self([f32::INFINITY; PATTERN * PATTERN]);
+
+    /// Which of the samples that are added is nearer than all before, by the pixel's place in the pattern.
+    pub(super) fn add(&mut self, samples: &Samples) -> [Option<u32>; PATTERN * PATTERN] {
+        std::array::from_fn(|place| {
+            let mut nearest = None;
+            for sample in 0..samples.count {
+                let [x, y] = samples.offset(place, sample);
+                let center_sq = (x - 0.5).powi(2) + (y - 0.5).powi(2);
+                if center_sq < self.0[place] {
+                    (self.0[place], nearest) = (center_sq, Some(sample));
+                }
+            }
+            nearest
+        })
+    }
+}
+
 /// Which random decision a sequence belongs to. Each has a scrambling of its own.
 #[derive(Clone, Copy)]
 pub(crate) enum Dimension {

@@ -53,6 +53,22 @@ pub(crate) fn sky_radiance(sky: &Sky, toward: Vec3) -> f32 {
     4.0 * (sky.ground + (sky.zenith - sky.ground) * height)
 }
 
+/// The color of a pixel of `samples` samples, of the sum of the light of those that met a particle and their number; a background
+/// shows through the others.
+pub(crate) fn mean_of(samples: u32, background: Option<[f32; 3]>) -> impl Fn([f32; 4]) -> [f32; 4] {
+    let inv_samples = if samples == 0 { 0.0 } else { 1.0 / samples as f32 };
+    move |sum| {
+        let [r, g, b, count] = sum.map(|sum| sum * inv_samples);
+        match background {
+            Some(back) => {
+                let open = 1.0 - count;
+                [r + open * back[0], g + open * back[1], b + open * back[2], 1.0]
+            }
+            None => [r, g, b, count],
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

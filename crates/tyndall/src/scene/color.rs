@@ -62,7 +62,28 @@ enum Store {
     },
 }
 
+/// Colors as they are held, for a device that holds a copy.
+pub(crate) enum ColorColumn<'a> {
+    /// One for all.
+    Constant([f32; 3]),
+    /// Of each particle a byte: the place of its color.
+    Palette { colors: &'a [[f32; 3]], places: &'a [u8] },
+    /// Of each particle three bytes, and the linear value of each byte.
+    Direct { bytes: &'a [u8], linear_of_byte: &'a [f32; 256] },
+}
+
 impl ParticleColors {
+    /// The memory that holds the colors.
+    pub(crate) fn column(&self) -> ColorColumn<'_> {
+        match &self.store {
+            Store::Constant(color) => ColorColumn::Constant(*color),
+            Store::Palette { colors, places } => ColorColumn::Palette { colors, places },
+            Store::Direct { bytes, linear_of_byte } => {
+                ColorColumn::Direct { bytes: bytes.as_flattened(), linear_of_byte }
+            }
+        }
+    }
+
     /// The color of particle `id`: linear RGB, 0 to 1.
     #[inline(always)]
     pub fn color(&self, id: usize) -> [f32; 3] {

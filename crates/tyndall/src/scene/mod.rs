@@ -21,7 +21,7 @@ pub mod viewpoint;
 
 use crate::structure::Structure;
 use crate::structure::selection::Column;
-use color::ParticleColors;
+use color::{ColorColumn, ParticleColors};
 use light::Lighting;
 use select::Selectable;
 pub use statistics::{grouped, short};
@@ -69,6 +69,11 @@ impl Scene {
     /// Scales all radii: see [`Structure::scale_radii`].
     pub fn scale_radii(&mut self, scale: f32) {
         self.structure.scale_radii(scale);
+    }
+
+    /// The colors as they are held, by node.
+    pub(crate) fn color_column(&self) -> ColorColumn<'_> {
+        self.colors.column()
     }
 
     /// The color of the particle at `node`: linear RGB, 0 to 1.

@@ -3,6 +3,6 @@
 mod certified;
 mod interactive;
 mod oracle;
-mod scenes;
+pub(crate) mod scenes;
 mod selection;
 mod visibility;

@@ -18,9 +18,10 @@ use fearless_simd_macros::simd;
 use rayon::prelude::*;
 
 use super::certified::{Counts, Options};
-use super::shade::{key_radiance, sky_radiance};
+use super::shade::{key_radiance, mean_of, sky_radiance};
 use crate::film::Image;
 use crate::progress::Progress;
+use crate::render::sampling::{Nearness, Samples};
 use crate::scene::Scene;
 use crate::scene::camera::View;
 use crate::scene::light::Lighting;
@@ -30,8 +31,7 @@ use bytemuck::Zeroable;
 pub(crate) use films::Films;
 use hits::{Hits, PACKET_EDGE, PACKETS, pixel_of};
 use lighting::Lit;
-use pass::PATTERN;
-pub(crate) use pass::{Pass, Samples};
+pub(crate) use pass::Pass;
 use surfaces::{Layer, Met, look_up};
 use tiles::{BLOCKS, Beam, EDGE, Entry, Memory, RAYS, Tile, block_at};
 
@@ -59,10 +59,10 @@ pub(crate) struct Film {
     width: u32,
     height: u32,
     tiles: Vec<FilmTile>,
-    /// Squared distance from the pixel's center of the sample nearest it, by the pixel's place in the pattern of samples.
-    nearest_sq: [f32; PATTERN * PATTERN],
+    /// How near samples have come to the centers of their pixels.
+    nearness: Nearness,
     /// The first samples of the passes that were begun, and what was known then.
-    begun: Vec<(u32, [f32; PATTERN * PATTERN])>,
+    begun: Vec<(u32, Nearness)>,
 }
 
 impl Film {
@@ -76,17 +76,17 @@ impl Film {
         certified: Options,
     ) -> Pass<'a> {
         if let Some(again) = self.begun.iter().position(|&(first, _)| first == added.first) {
-            self.nearest_sq = self.begun[again].1;
+            self.nearness = self.begun[again].1.clone();
             self.begun.truncate(again);
         }
-        self.begun.push((added.first, self.nearest_sq));
-        Pass::new(scene, view, added, certified, &mut self.nearest_sq)
+        self.begun.push((added.first, self.nearness.clone()));
+        Pass::new(scene, view, added, certified, &mut self.nearness)
     }
 
     /// Forgets all samples.
     pub(crate) fn clear(&mut self) {
         self.begun.clear();
-        self.nearest_sq.fill(f32::INFINITY);
+        self.nearness = Nearness::NONE;
         self.tiles.iter_mut().for_each(|tile| tile.samples = 0);
     }
 
@@ -110,8 +110,7 @@ impl Film {
         for (tile, (x, y)) in tiles.iter_mut().zip(corners) {
             (tile.x, tile.y) = (x * FILM_EDGE as u32, y * FILM_EDGE as u32);
         }
-        let nearest_sq = [f32::INFINITY; PATTERN * PATTERN];
-        Self { width, height, tiles, nearest_sq, begun: Vec::new() }
+        Self { width, height, tiles, nearness: Nearness::NONE, begun: Vec::new() }
     }
 
     /// Writes the mean of the samples of each pixel, over the scene's background; nothing but background where there are none.
@@ -128,16 +127,6 @@ impl Film {
     /// Writes the same into `image`, which has its size, but leaves pixels without samples as they are.
     pub(crate) fn draw_over(&self, scene: &Scene, image: &mut Image) {
         let width = self.width as usize;
-        let mean = |sum: [f32; 4], inv_samples: f32| {
-            let [r, g, b, count] = sum.map(|sum| sum * inv_samples);
-            match scene.background {
-                Some(back) => {
-                    let open = 1.0 - count;
-                    [r + open * back[0], g + open * back[1], b + open * back[2], 1.0]
-                }
-                None => [r, g, b, count],
-            }
-        };
         let mut rows: Vec<Vec<&FilmTile>> = vec![Vec::new(); self.height.div_ceil(FILM_EDGE as u32) as usize];
         for tile in self.tiles.iter().filter(|tile| tile.samples > 0) {
             rows[tile.y as usize / FILM_EDGE].push(tile);
@@ -150,13 +139,13 @@ impl Film {
         );
         columns.into_par_iter().zip(rows).for_each(|((color, depth, id), tiles)| {
             for tile in tiles {
-                let inv_samples = 1.0 / tile.samples as f32;
+                let mean = mean_of(tile.samples, scene.background);
                 let columns = FILM_EDGE.min(width - tile.x as usize);
                 // Neighboring pixels often show the same particle.
                 let mut last = (u32::MAX, 0);
                 for (row, pixels) in (0..color.len() / width).zip((0..).step_by(FILM_EDGE)) {
                     for (at, pixel) in (row * width + tile.x as usize..).zip(pixels..pixels + columns) {
-                        color[at] = mean(tile.sum[pixel], inv_samples);
+                        color[at] = mean(tile.sum[pixel]);
                         depth[at] = tile.depth[pixel];
                         id[at] = if depth[at] < f32::INFINITY {
                             if tile.node[pixel] != last.0 {

@@ -11,40 +11,12 @@ use super::FILM_EDGE;
 use super::hits::{PACKET_EDGE, corner_of};
 use super::tiles::{BLOCKS, EDGE, RAYS, Tile, block_at};
 use crate::render::certified::{Counts, Options};
-use crate::render::sampling::{Dimension, point};
+use crate::render::sampling::{Nearness, PATTERN, Samples};
 use crate::render::shade::{LightSample, light_sample};
 use crate::scene::Scene;
 use crate::scene::camera::View;
 use crate::scene::light::Lighting;
 use crate::simd::Lanes3;
-
-/// Pixels along the edge of the pattern in which samples repeat.
-pub(super) const PATTERN: usize = 8;
-
-/// Which samples of a picture a pass adds.
-#[derive(Clone, Copy)]
-pub(crate) struct Samples {
-    pub(crate) seed: u32,
-    /// The first one's number.
-    pub(crate) first: u32,
-    /// 16, 4 or 1 a pixel.
-    pub(crate) count: u32,
-    /// Whether they lie in the middle of their pixel.
-    pub(crate) centered: bool,
-}
-
-impl Samples {
-    /// Those that come after the first `done` of a picture with `all` samples a pixel; none if it has them.
-    pub(crate) fn after(done: u32, all: u32, seed: u32) -> Option<Self> {
-        let count = match all - done {
-            0 => return None,
-            1..4 => 1,
-            4..16 => 4,
-            _ => 16,
-        };
-        Some(Self { seed, first: done, count, centered: all == 1 })
-    }
-}
 
 /// See the module.
 pub(crate) struct Pass<'a> {
@@ -75,13 +47,13 @@ pub(crate) struct Pass<'a> {
 }
 
 impl<'a> Pass<'a> {
-    /// A pass over `scene` seen by `view`. `nearest_sq` tells and learns how near samples came to the centers of their pixels.
+    /// A pass over `scene` seen by `view`. `nearness` tells and learns how near samples came to the centers of their pixels.
     pub(super) fn new(
         scene: &'a Scene,
         view: View,
         added: Samples,
         certified: Options,
-        nearest_sq: &mut [f32; PATTERN * PATTERN],
+        nearness: &mut Nearness,
     ) -> Self {
         let samples = added.count as usize;
         let block_px = match samples {
@@ -91,31 +63,24 @@ impl<'a> Pass<'a> {
         };
         let (mut x, mut y) = (vec![[0.0; RAYS]; BLOCKS], vec![[0.0; RAYS]; BLOCKS]);
         let (mut packet_x, mut packet_y) = (x.clone(), y.clone());
-        let before_sq = *nearest_sq;
+        let chosen = nearness.add(&added);
         let mut nearest = vec![Vec::new(); BLOCKS];
         for block in 0..BLOCKS {
-            let mut nearest_lanes = [None; RAYS];
             for lane in 0..RAYS {
-                let (pixel, sample) = (lane / samples, lane % samples);
+                let (pixel, sample) = (lane / samples, (lane % samples) as u32);
                 let column = block % EDGE * block_px + pixel % block_px;
                 let row = block / EDGE * block_px + pixel / block_px;
                 let place = row % PATTERN * PATTERN + column % PATTERN;
-                let offset = if added.centered {
-                    [0.5; 2]
-                } else {
-                    point(added.seed, Dimension::Pixel, 1 + place as u32, added.first + sample as u32)
-                };
+                let offset = added.offset(place, sample);
                 (x[block][lane], y[block][lane]) = (column as f32 + offset[0], row as f32 + offset[1]);
                 let packet = row / PACKET_EDGE * (EDGE * block_px / PACKET_EDGE) + column / PACKET_EDGE;
-                let at = (packet * samples + sample, row % PACKET_EDGE * PACKET_EDGE + column % PACKET_EDGE);
-                (packet_x[at.0][at.1], packet_y[at.0][at.1]) = (x[block][lane], y[block][lane]);
-                let center_sq = (offset[0] - 0.5).powi(2) + (offset[1] - 0.5).powi(2);
-                if center_sq < before_sq[place] && nearest_lanes[pixel].is_none_or(|(_, sq)| center_sq < sq) {
-                    nearest_lanes[pixel] = Some((lane, center_sq));
+                let inside = row % PACKET_EDGE * PACKET_EDGE + column % PACKET_EDGE;
+                let at = packet * samples + lane % samples;
+                (packet_x[at][inside], packet_y[at][inside]) = (x[block][lane], y[block][lane]);
+                if chosen[place] == Some(sample) {
+                    nearest[block].push(lane);
                 }
-                nearest_sq[place] = nearest_sq[place].min(center_sq);
             }
-            nearest[block] = nearest_lanes.into_iter().flatten().map(|(lane, _)| lane).collect();
         }
         let pixel = std::array::from_fn(|lane| {
             let pixel = lane / samples;

@@ -3,6 +3,7 @@
 //! A packed block holds whole numbers of steps from its corner. The step is a power of two, so that center = corner + number * step
 //! is rounded once. What the block gives back is what is rendered: boxes, walks and shading all decode the same centers.
 
+use bytemuck::{Pod, Zeroable};
 use fearless_simd::{f32x16, prelude::*, u32x16};
 use glam::Vec3;
 use rayon::prelude::*;
@@ -40,8 +41,8 @@ pub(crate) trait Block: Copy + Send + Sync {
 }
 
 /// Centers as they are.
-#[derive(Clone, Copy)]
-#[repr(align(64))]
+#[derive(Clone, Copy, Pod, Zeroable)]
+#[repr(C, align(64))]
 pub(crate) struct Exact([[f32; LEAF]; 3]);
 
 impl Block for Exact {
@@ -67,7 +68,8 @@ impl Block for Exact {
 }
 
 /// Where a packed block lies, how long its steps are, and how many particles it holds.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Pod, Zeroable)]
+#[repr(C)]
 struct Frame {
     corner: [f32; 3],
     /// Biased exponents of the steps.
@@ -121,16 +123,17 @@ impl Frame {
     }
 }
 
-/// A frame and columns of unsigned numbers.
-#[derive(Clone, Copy)]
-pub(crate) struct Columns<T> {
-    frame: Frame,
-    steps: [[T; LEAF]; 3],
-}
-
 macro_rules! columns_block {
-    ($number:ty, $floats:ident) => {
-        impl Block for Columns<$number> {
+    ($columns:ident, $number:ty, $floats:ident) => {
+        /// A frame and columns of unsigned numbers.
+        #[derive(Clone, Copy, Pod, Zeroable)]
+        #[repr(C)]
+        pub(crate) struct $columns {
+            frame: Frame,
+            steps: [[$number; LEAF]; 3],
+        }
+
+        impl Block for $columns {
             fn encode(centers: &[Vec3]) -> Self {
                 let most = <$number>::MAX as f32;
                 let frame = Frame::around(centers, [most; 3]);
@@ -163,11 +166,12 @@ macro_rules! columns_block {
     };
 }
 
-columns_block!(u16, floats_of_words);
-columns_block!(u8, floats_of_bytes);
+columns_block!(Columns16, u16, floats_of_words);
+columns_block!(Columns8, u8, floats_of_bytes);
 
 /// A frame and one word a particle: 11 bits of x, 11 of y, 10 of z.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Pod, Zeroable)]
+#[repr(C)]
 pub(crate) struct Words {
     frame: Frame,
     words: [u32; LEAF],
@@ -223,9 +227,9 @@ impl Block for Words {
 /// The blocks of a tree, all of one packing.
 pub(crate) enum Blocks {
     Exact(Vec<Exact>),
-    Bits16(Vec<Columns<u16>>),
+    Bits16(Vec<Columns16>),
     Bits11(Vec<Words>),
-    Bits8(Vec<Columns<u8>>),
+    Bits8(Vec<Columns8>),
 }
 
 /// Packs records, sixteen a block.
@@ -283,5 +287,20 @@ impl Blocks {
     /// Memory they take, in bytes.
     pub(super) fn bytes(&self) -> usize {
         each_blocks!(self, blocks => size_of_val(&blocks[..]))
+    }
+
+    /// How they hold their centers.
+    pub(super) fn packing(&self) -> Packing {
+        match self {
+            Self::Exact(_) => Packing::Exact,
+            Self::Bits16(_) => Packing::Bits16,
+            Self::Bits11(_) => Packing::Bits11,
+            Self::Bits8(_) => Packing::Bits8,
+        }
+    }
+
+    /// Their memory as it is.
+    pub(super) fn as_bytes(&self) -> &[u8] {
+        each_blocks!(self, blocks => bytemuck::cast_slice(blocks))
     }
 }

@@ -6,6 +6,7 @@
 //! `build` sorts the particles and writes all this; `block` and `sizes` are what a leaf holds, `packing_error` what that costs; `rays`
 //! walks it with single rays, `shown` hides particles from all walks; the walks of many rays at once stand in `render::cpu`.
 
+mod arrays;
 mod block;
 mod build;
 mod packing_error;
@@ -20,8 +21,10 @@ use glam::Vec3;
 use super::box_slack;
 use crate::math::{Bounds, HIT_ROUNDING};
 use crate::simd::{Lanes3, floats_of_bytes};
+pub(crate) use arrays::{Arrays, SizeArrays};
 pub use block::Packing;
 use block::{Blocks, power_of_two, step_exponent};
+use bytemuck::{Pod, Zeroable};
 pub use packing_error::PackingError;
 pub(super) use rays::Slabs;
 use shown::Shown;
@@ -40,12 +43,14 @@ pub(crate) struct Place {
 }
 
 /// The boxes of up to eight children.
-#[derive(Clone, Copy, Default)]
+#[derive(Clone, Copy, Default, Pod, Zeroable)]
 #[repr(C, align(64))]
 pub(crate) struct Node {
     /// Child box = `corner + step * (lower..upper)`, by axis; the step is a power of two, of which this is the biased exponent.
     corner: [f32; 3],
     exponent: [u8; 3],
+    /// Puts the steps where whole words begin.
+    unused: u8,
     /// The lower steps of all children, then the upper ones.
     steps: [[u8; 2 * WIDTH]; 3],
 }

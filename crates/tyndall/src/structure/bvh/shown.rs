@@ -47,6 +47,12 @@ impl Bvh {
         self.shown(node as usize / LEAF) >> (node as usize % LEAF) & 1 == 1
     }
 
+    /// Whether all particles are shown, with the radii that were built.
+    #[cfg(feature = "gpu")]
+    pub(crate) fn is_as_built(&self) -> bool {
+        self.shown.is_none() && self.radius_scale == 1.0
+    }
+
     /// A bit for every child that has particles that are shown.
     #[inline(always)]
     pub(crate) fn shown_children(&self, place: Place) -> u32 {

@@ -1,12 +1,14 @@
 //! The radii of the particles in the leaves: one for all, of a short table, each its own, or packed.
 
+use bytemuck::{Pod, Zeroable};
 use fearless_simd::{f32x16, prelude::*};
 
 use super::LEAF;
 use super::block::Packing;
 
 /// Radii of sixteen particles, packed: 8 bits each, in equal ratios from the least.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Pod, Zeroable)]
+#[repr(C)]
 pub(crate) struct LogRadii {
     least: f32,
     /// Binary logarithm of the ratio of two neighbors.
@@ -36,14 +38,14 @@ impl LogRadii {
     #[inline(always)]
     fn radius(&self, place: usize) -> f32 {
         let code = self.codes[place];
-        let radius = self.least * exp2(self.step * (i32::from(code) - 1).max(0) as f32);
+        let radius = self.least * exp2_series(self.step * (i32::from(code) - 1).max(0) as f32);
         if code == 0 { 0.0 } else { radius }
     }
 }
 
 /// Two to the power of `x` >= 0, good to 3e-7, with the same bits on every machine: products and sums only.
 #[inline(always)]
-fn exp2(x: f32) -> f32 {
+fn exp2_series(x: f32) -> f32 {
     let whole = x as i32;
     let part = x - whole as f32;
     // Taylor's series of exp(part ln 2) around 1/2.
@@ -170,7 +172,7 @@ mod tests {
         for k in 0..4000 {
             let x = k as f32 * 0.01;
             let exact = f64::from(x).exp2();
-            assert!((f64::from(exp2(x)) / exact - 1.0).abs() < 4e-7, "{x}");
+            assert!((f64::from(exp2_series(x)) / exact - 1.0).abs() < 4e-7, "{x}");
         }
     }
 
@@ -183,7 +185,7 @@ mod tests {
             assert!(error < 0.51 * packed.step + 1e-5, "{error}");
         }
         let with_zero = LogRadii::encode(&[0.0, 3.0]);
-        assert_eq!((with_zero.radius(0), with_zero.radius(1)), (0.0, 3.0 * exp2(0.0)));
+        assert_eq!((with_zero.radius(0), with_zero.radius(1)), (0.0, 3.0 * exp2_series(0.0)));
     }
 
     #[test]

@@ -1,0 +1,409 @@
+//! `tyndall bench gpu`: spheres on a graphics card, as Markdown tables or JSON.
+//!
+//! The stand-ins of the thesis at their own counts and the sets of `tyndall bench` at those that are given, 800x800. Frames follow each
+//! other without a wait for any but the one before, as a viewer makes them; nothing is read back. `hits ms` and `light ms` are the card's
+//! own clock. Incoherent rays come from random points around the particles' box to random points in it. More than 2^28 particles
+//! are packed in 8 bits and read in parts.
+
+use std::time::{Duration, Instant};
+
+use serde_json::json;
+use tyndall::Vec3;
+use tyndall::math::Ray;
+use tyndall::random::Stream;
+use tyndall::render::gpu::{Gpu, Kind as AdapterKind, Options, Renderer, Resident, Tiling};
+use tyndall::render::{Culling, Settings};
+use tyndall::scene::automatic::{self, Outliers};
+use tyndall::scene::camera::{Camera, VERTICAL_ANGLE};
+use tyndall::scene::color::ParticleColors;
+use tyndall::scene::light::Lighting;
+use tyndall::scene::outline::Outline;
+use tyndall::scene::viewpoint::{Lens, Motion, Side, Viewpoint};
+use tyndall::scene::{Scene, grouped};
+use tyndall::structure::{Packing, Spheres, Structure};
+use tyndall::synthetic::{self, Synthetic};
+
+use crate::args;
+use crate::bench::table::{Cell, Table};
+use crate::bench::{PROJECTIONS, SETS, camera_of_cube};
+use crate::device::Choice;
+use crate::report::{Outcome, Report};
+use crate::structure;
+
+/// At their own counts.
+const STAND_INS: [&str; 4] = ["nozzle", "virion", "fluid", "ablation"];
+const COUNTS: [u64; 3] = [1_000_000, 10_000_000, 100_000_000];
+/// From here on particles are read in parts.
+const STREAMED: u64 = 1 << 28;
+/// Of each measurement: how long it may take, and how many frames it has at least and at most.
+const MEASURED: Duration = Duration::from_millis(400);
+const FRAMES: [u32; 2] = [2, 2000];
+/// Rays that share nothing, on hardware and on a program.
+const RAYS: [u64; 2] = [1 << 22, 1 << 12];
+
+const PICTURES: [&str; 16] = [
+    "set",
+    "particles",
+    "camera",
+    "build s",
+    "upload s",
+    "MiB on card",
+    "1 sample frames/s",
+    "4 samples frames/s",
+    "16 samples frames/s",
+    "4 samples Msamples/s",
+    "16 samples Msamples/s",
+    "hits 4 ms",
+    "hits 16 ms",
+    "light 4 ms",
+    "default look 4 frames/s",
+    "incoherent Mrays/s",
+];
+const VARIANTS: [&str; 9] = [
+    "set",
+    "camera",
+    "tile",
+    "threads a pixel",
+    "nodes at once",
+    "checks",
+    "hits 1 ms",
+    "hits 4 ms",
+    "hits 16 ms",
+];
+
+/// Layouts of the kernel that are compared.
+fn variants() -> Vec<Tiling> {
+    let tiling = |tile, split, nodes| Tiling { tile, split, nodes };
+    vec![
+        tiling([8, 8], 1, 8),
+        tiling([8, 8], 1, 4),
+        tiling([8, 8], 1, 2),
+        tiling([8, 8], 1, 1),
+        tiling([8, 4], 1, 4),
+        tiling([8, 4], 1, 2),
+        tiling([4, 4], 4, 8),
+        tiling([4, 4], 4, 4),
+        tiling([8, 4], 4, 8),
+        tiling([8, 8], 4, 8),
+        tiling([8, 8], 4, 16),
+        tiling([16, 8], 1, 8),
+        tiling([16, 16], 1, 8),
+        tiling([16, 16], 1, 16),
+    ]
+}
+
+/// What is measured with, and what was found.
+struct Bench<'a> {
+    args: &'a args::Bench,
+    report: &'a Report,
+    gpu: Gpu,
+    /// Another handle on the same card, whose kernels do not check themselves.
+    trusted: Option<Gpu>,
+    pictures: Table,
+    variants: Table,
+    start: Instant,
+}
+
+/// Measures every set at every count, and tells what was found also if that fails midway.
+pub(crate) fn run(args: &args::Bench, report: &Report) -> Outcome<()> {
+    let name = match &args.device {
+        Choice::Gpu(name) => name.clone(),
+        Choice::Auto | Choice::Cpu => None,
+    };
+    let gpu = Gpu::open(Options { name: name.clone(), ..Options::default() })?;
+    let trusted = match args.variants {
+        true => Some(Gpu::open(Options { name, trusted: true, ..Options::default() })?),
+        false => None,
+    };
+    let info = gpu.info();
+    report.note(format_args!("tyndall {}, {} ({})", env!("CARGO_PKG_VERSION"), info.name, info.driver));
+    let mut bench = Bench {
+        args,
+        report,
+        gpu,
+        trusted,
+        pictures: Table::new(&PICTURES),
+        variants: Table::new(&VARIANTS),
+        start: Instant::now(),
+    };
+    let done = bench.measure_all();
+    if args.json {
+        report.out(&format!("{:#}\n", bench.json()))?;
+    } else {
+        report.out(&bench.pictures.markdown())?;
+        if !bench.variants.is_empty() {
+            report.out(&format!("\n{}", bench.variants.markdown()))?;
+        }
+    }
+    done
+}
+
+impl Bench<'_> {
+    /// The sets and counts that are asked for.
+    fn jobs(&self) -> Vec<(String, Option<u64>)> {
+        let counts = if self.args.n.is_empty() { COUNTS.to_vec() } else { self.args.n.clone() };
+        let sets: Vec<String> = match self.args.sets.is_empty() {
+            true => STAND_INS.iter().chain(&SETS).map(|set| set.to_string()).collect(),
+            false => self.args.sets.clone(),
+        };
+        let (own, others): (Vec<_>, Vec<_>) =
+            sets.into_iter().partition(|set| STAND_INS.contains(&set.as_str()) && self.args.n.is_empty());
+        let of_count = |count: u64| others.iter().map(move |set| (set.clone(), Some(count)));
+        own.into_iter().map(|set| (set, None)).chain(counts.into_iter().flat_map(of_count)).collect()
+    }
+
+    fn measure_all(&mut self) -> Outcome<()> {
+        for (set, count) in self.jobs() {
+            if self.args.time.is_some_and(|secs| self.start.elapsed().as_secs() >= secs) {
+                self.report.note(format_args!("note: no time left for {set} and what comes after"));
+                break;
+            }
+            self.measure(&set, count)?;
+            if let Some(path) = &self.args.figures {
+                let text = format!("{:#}\n", self.json());
+                std::fs::write(path, text).map_err(|error| tyndall::Error::io(path, error))?;
+            }
+        }
+        Ok(())
+    }
+
+    /// All figures so far.
+    fn json(&self) -> serde_json::Value {
+        let info = self.gpu.info();
+        json!({
+            "adapter": info.name,
+            "driver": info.driver,
+            "memory_bytes": info.memory_bytes,
+            "version": env!("CARGO_PKG_VERSION"),
+            "threads": rayon::current_num_threads(),
+            "size": [self.args.size.width, self.args.size.height],
+            "secs": self.start.elapsed().as_secs_f64(),
+            "pictures": self.pictures.json(),
+            "variants": self.variants.json(),
+        })
+    }
+
+    /// Builds and loads once, then measures with each camera.
+    fn measure(&mut self, set: &str, count: Option<u64>) -> Outcome<()> {
+        let (structure, cameras, build_secs) = self.build(set, count)?;
+        let colors = ParticleColors::constant([0.7; 3]);
+        let mut scene = Scene::new(structure, colors, Lighting::Headlight, Some([1.0; 3]));
+        let start = Instant::now();
+        let resident = Resident::load(&self.gpu, &scene, self.report.progress())?;
+        let upload_secs = start.elapsed().as_secs_f64();
+        let rays = self.incoherent(&resident, &scene)?;
+        let particles = scene.structure().len();
+        for (name, camera) in &cameras {
+            scene.lighting = Lighting::Headlight;
+            let frames = [1, 4, 16].map(|samples| self.frames(&resident, &scene, camera, samples));
+            let [one, four, sixteen] = match frames {
+                [Ok(one), Ok(four), Ok(sixteen)] => [one, four, sixteen],
+                [one, four, sixteen] => [one?, four?, sixteen?],
+            };
+            let view =
+                camera.view(scene.structure().origin(), self.args.size.width, self.args.size.height)?;
+            scene.lighting = Lighting::studio(view.forward, view.right, view.up);
+            let look = self.frames(&resident, &scene, camera, 4)?;
+            let pixels = f64::from(self.args.size.width) * f64::from(self.args.size.height);
+            let ms = |secs: Option<[f64; 2]>, at: usize| {
+                secs.map_or(Cell::Unknown, |secs| Cell::Number(1e3 * secs[at], 3))
+            };
+            self.pictures.add([
+                Cell::Word(set.into()),
+                Cell::Count(particles),
+                Cell::Word((*name).into()),
+                Cell::Number(build_secs, 2),
+                Cell::Number(upload_secs, 2),
+                Cell::Number(resident.bytes() as f64 / f64::from(1 << 20), 0),
+                Cell::Number(one.rate, 0),
+                Cell::Number(four.rate, 0),
+                Cell::Number(sixteen.rate, 0),
+                Cell::Number(4e-6 * pixels * four.rate, 0),
+                Cell::Number(16e-6 * pixels * sixteen.rate, 0),
+                ms(four.secs, 0),
+                ms(sixteen.secs, 0),
+                ms(four.secs, 1),
+                Cell::Number(look.rate, 1),
+                Cell::Number(1e-6 * rays, 1),
+            ]);
+            self.report.note(format_args!(
+                "{set} {} {name}: {:.0} / {:.0} / {:.0} frames/s with 1, 4, 16 samples, default look {:.1}; {:.0} Mrays/s",
+                grouped(particles),
+                one.rate,
+                four.rate,
+                sixteen.rate,
+                look.rate,
+                1e-6 * rays
+            ));
+        }
+        drop(resident);
+        if self.args.variants {
+            scene.lighting = Lighting::Headlight;
+            self.compare(set, &scene, &cameras)?;
+        }
+        Ok(())
+    }
+
+    /// Times the kernel that finds hits in each of its layouts.
+    fn compare(&mut self, set: &str, scene: &Scene, cameras: &[(&str, Camera)]) -> Outcome<()> {
+        for (gpu, checks) in [(Some(&self.gpu), "on"), (self.trusted.as_ref(), "off")] {
+            let Some(gpu) = gpu else { continue };
+            let resident = Resident::load(gpu, scene, self.report.progress())?;
+            for (name, camera) in cameras {
+                for tiling in variants() {
+                    if tiling.threads() > gpu.workgroup_threads() {
+                        continue;
+                    }
+                    let mut cells = vec![
+                        Cell::Word(set.into()),
+                        Cell::Word((*name).into()),
+                        Cell::Word(format!("{}x{}", tiling.tile[0], tiling.tile[1])),
+                        Cell::Count(tiling.split as usize),
+                        Cell::Count(tiling.nodes as usize),
+                        Cell::Word(checks.into()),
+                    ];
+                    for samples in [1, 4, 16] {
+                        // What has too few threads with fewer samples is another variant.
+                        if tiling.split > samples {
+                            cells.push(Cell::Unknown);
+                            continue;
+                        }
+                        let settings = self.settings(samples);
+                        let mut renderer =
+                            Renderer::new(&resident, scene, camera, &settings)?.with_tiling(tiling);
+                        let mut times = Vec::new();
+                        for _ in 0..6 {
+                            times.extend(renderer.time_pass(self.report.progress())?.map(|[hits, _]| hits));
+                        }
+                        times.sort_by(f64::total_cmp);
+                        cells.push(
+                            times
+                                .get(times.len() / 3)
+                                .map_or(Cell::Unknown, |secs| Cell::Number(1e3 * secs, 3)),
+                        );
+                    }
+                    self.variants.add(cells);
+                }
+            }
+        }
+        Ok(())
+    }
+
+    fn settings(&self, samples: u32) -> Settings {
+        let args::Bench { size, .. } = self.args;
+        Settings { width: size.width, height: size.height, samples, seed: 0, culling: Culling::Off }
+    }
+
+    /// A structure, its cameras, and the seconds to build it.
+    fn build(&self, set: &str, count: Option<u64>) -> Outcome<(Structure, Vec<(&'static str, Camera)>, f64)> {
+        let progress = self.report.progress();
+        let text = match count {
+            Some(count) => format!("{set}?n={count}&seed=1"),
+            None => set.to_string(),
+        };
+        let count = synthetic::count(&text)?;
+        let is_cube = SETS.contains(&set);
+        if count >= STREAMED {
+            let source = Synthetic::new(&text)?;
+            let sample = source.sample(1 << 20, progress)?;
+            let (radius, _) = automatic::radii(&sample);
+            let cameras =
+                self.cameras(is_cube, Spheres { particles: &sample, radii: &radius, radius_scale: 1.0 });
+            let start = Instant::now();
+            let tyndall::Radii::Uniform(each) = radius else {
+                return Err(tyndall::Error::setting(
+                    "--sets",
+                    set,
+                    "sets of one radius at so many particles",
+                )
+                .into());
+            };
+            let origin = sample.positions().origin();
+            let (structure, _) = Structure::stream(&source, origin, each, Packing::Bits8, progress)?;
+            return Ok((structure, cameras, start.elapsed().as_secs_f64()));
+        }
+        let particles = synthetic::generate(&text, progress)?;
+        let (radii, _) = automatic::radii(&particles);
+        let cameras =
+            self.cameras(is_cube, Spheres { particles: &particles, radii: &radii, radius_scale: 1.0 });
+        let kind = structure::kind(&self.args.structure)?;
+        let start = Instant::now();
+        let structure = Structure::build(kind, particles, &radii, 1.0, progress)?;
+        Ok((structure, cameras, start.elapsed().as_secs_f64()))
+    }
+
+    /// The cameras of `tyndall bench` for the unit cube; for the stand-ins those of `tyndall render`.
+    fn cameras(&self, is_cube: bool, spheres: Spheres) -> Vec<(&'static str, Camera)> {
+        if is_cube {
+            return PROJECTIONS.map(|(name, projection)| (name, camera_of_cube(projection))).to_vec();
+        }
+        let framing = automatic::framing_of(spheres, Outliers::Left);
+        let outline = Outline::of(spheres, &framing);
+        let aspect = f64::from(self.args.size.width) / f64::from(self.args.size.height);
+        let lenses = [
+            ("orthographic", Lens::Orthographic { height: None }),
+            ("perspective", Lens::Perspective { vertical_angle: VERTICAL_ANGLE }),
+        ];
+        let camera = |lens| {
+            let (side, motion) = (Side::default(), Motion::Still);
+            Viewpoint { eye: None, look_at: None, up: None, side, lens, motion }.camera(&outline, aspect)
+        };
+        lenses.map(|(name, lens)| (name, camera(lens))).to_vec()
+    }
+
+    /// Frames in a second, and the card's own seconds of one.
+    fn frames(&self, resident: &Resident, scene: &Scene, camera: &Camera, samples: u32) -> Outcome<Frames> {
+        let progress = self.report.progress();
+        let mut renderer = Renderer::new(resident, scene, camera, &self.settings(samples))?;
+        // Kernels are made, and bands grow to what the card can do.
+        for _ in 0..3 {
+            renderer.restart(camera)?;
+            renderer.pass(progress)?;
+        }
+        renderer.finish()?;
+        let start = Instant::now();
+        let mut count = 0;
+        while count < FRAMES[0] || (count < FRAMES[1] && start.elapsed() < MEASURED) {
+            renderer.restart(camera)?;
+            renderer.pass(progress)?;
+            count += 1;
+        }
+        renderer.finish()?;
+        let rate = f64::from(count) / start.elapsed().as_secs_f64();
+        let mut times = Vec::new();
+        for _ in 0..5 {
+            times.extend(renderer.time_pass(progress)?);
+        }
+        times.sort_by(|a, b| a[0].total_cmp(&b[0]));
+        Ok(Frames { rate, secs: times.get(times.len() / 2).copied() })
+    }
+
+    /// Rays that share nothing, answered in a second.
+    fn incoherent(&self, resident: &Resident, scene: &Scene) -> Outcome<f64> {
+        let bounds = scene.structure().bounds();
+        let (center, half) = (bounds.center(), 0.5 * bounds.extent());
+        let ray = |number| {
+            let mut stream = Stream::new(1, number);
+            // Twice as far out as the unit cube's bench: around the box's sphere.
+            let origin = center + 4.0 * half.max_element() * stream.direction();
+            let target = center + half * (2.0 * Vec3::new(stream.unit(), stream.unit(), stream.unit()) - 1.0);
+            Ray { origin, direction: (target - origin).normalize(), t_min: 0.0, t_max: f32::INFINITY }
+        };
+        let is_program = self.gpu.info().kind == AdapterKind::Software;
+        let count = RAYS[usize::from(is_program)];
+        let rays: Vec<Ray> = (0..count).map(ray).collect();
+        let batch = resident.batch(&rays)?;
+        let mut times = Vec::new();
+        for _ in 0..6 {
+            times.push(batch.time(self.report.progress())?);
+        }
+        times.sort_by(f64::total_cmp);
+        Ok(count as f64 / times[times.len() / 2])
+    }
+}
+
+/// What was measured of one picture.
+struct Frames {
+    rate: f64,
+    secs: Option<[f64; 2]>,
+}

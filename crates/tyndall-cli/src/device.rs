@@ -1,0 +1,252 @@
+//! Which device renders: `--device`, and the list of `tyndall devices`.
+
+use std::str::FromStr;
+
+use tyndall::render::{Culling, Renderer, Settings};
+use tyndall::scene::Scene;
+use tyndall::scene::camera::Camera;
+use tyndall::structure::Kind;
+use tyndall::{Error, Image, Result};
+
+use crate::culling;
+use crate::report::Report;
+
+/// What `--device` says.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub(crate) enum Choice {
+    /// A card if there is one and the particles fit, else the processor.
+    #[default]
+    Auto,
+    /// The processor.
+    Cpu,
+    /// A card, or a program that does what one would; part of its name.
+    Gpu(Option<String>),
+}
+
+impl FromStr for Choice {
+    type Err = Error;
+
+    fn from_str(text: &str) -> Result<Self> {
+        match text.split_once(':').unwrap_or((text, "")) {
+            ("auto", "") => Ok(Self::Auto),
+            ("cpu", "") => Ok(Self::Cpu),
+            ("gpu", "") => Ok(Self::Gpu(None)),
+            ("gpu", name) => Ok(Self::Gpu(Some(name.to_string()))),
+            _ => Err(Error::setting(
+                "--device",
+                text,
+                "auto, cpu, gpu or gpu:NAME; `tyndall devices` has the names",
+            )),
+        }
+    }
+}
+
+#[cfg(feature = "gpu")]
+pub(crate) use card::{Renders, list};
+#[cfg(not(feature = "gpu"))]
+pub(crate) use processor::{Renders, list};
+
+/// What decides where pictures are made.
+#[derive(Clone, Copy)]
+pub(crate) struct Work {
+    pub(crate) structure: Kind,
+    pub(crate) culling: Culling,
+}
+
+/// A picture by the processor, with what culling saved.
+fn on_processor(scene: &Scene, camera: &Camera, settings: &Settings, report: &Report) -> Result<Image> {
+    let mut renderer = Renderer::new(scene, camera, settings)?;
+    renderer.finish(report.progress())?;
+    culling::tell(&settings.culling, &renderer.counts(), report);
+    Ok(renderer.image())
+}
+
+/// With the feature `gpu`.
+#[cfg(feature = "gpu")]
+mod card {
+    use tyndall::render::gpu::{self, AdapterInfo, Gpu, Options, Resident};
+    use tyndall::render::{Culling, Settings};
+    use tyndall::scene::Scene;
+    use tyndall::scene::camera::Camera;
+    use tyndall::structure::Kind;
+    use tyndall::{Error, Image, Result};
+
+    use super::{Choice, Work, on_processor};
+    use crate::report::{Outcome, Report, bytes};
+
+    /// One line a device, as `--device` names it.
+    pub(crate) fn list(report: &Report) -> Outcome<()> {
+        let line = |info: &AdapterInfo| {
+            let AdapterInfo { name, kind, driver, .. } = info;
+            let memory = info.memory_bytes.map_or("not told".into(), bytes);
+            let (binding, buffer) = (bytes(info.binding_bytes), bytes(info.buffer_bytes));
+            format!(
+                "gpu:{name} · {kind} · {driver} · memory {memory}, {buffer} a buffer, {binding} a binding\n"
+            )
+        };
+        let cards: String = gpu::adapters().iter().map(line).collect();
+        report.out(&format!("cpu · {} threads\n{cards}", rayon::current_num_threads()))
+    }
+
+    /// What renders pictures.
+    pub(crate) enum Renders {
+        Processor,
+        Card {
+            gpu: Box<Gpu>,
+            /// Whether nothing else will do.
+            is_asked_for: bool,
+        },
+    }
+
+    impl Renders {
+        /// Opens the device. `auto` says in a line if there is no card.
+        pub(crate) fn new(choice: &Choice, work: Work, report: &Report) -> Outcome<Self> {
+            let is_lossy = matches!(work.culling, Culling::Confidence(_));
+            let options = match choice {
+                Choice::Cpu => return Ok(Self::Processor),
+                // What is there to be compared with is so on the processor.
+                Choice::Auto if is_lossy || !matches!(work.structure, Kind::Bvh(_)) => {
+                    return Ok(Self::Processor);
+                }
+                Choice::Gpu(_) if is_lossy => {
+                    return Err(
+                        Error::setting("--culling", "confidence", "off or certified on a card").into()
+                    );
+                }
+                Choice::Auto => Options { hardware_only: true, ..Options::default() },
+                Choice::Gpu(name) => Options { name: name.clone(), ..Options::default() },
+            };
+            let is_asked_for = *choice != Choice::Auto;
+            match Gpu::open(options) {
+                Ok(gpu) => Ok(Self::Card { gpu: Box::new(gpu), is_asked_for }),
+                Err(Error::Device(why)) if !is_asked_for => {
+                    let threads = rayon::current_num_threads();
+                    report.note(format_args!("{why}; CPU backend, {threads} threads"));
+                    Ok(Self::Processor)
+                }
+                Err(error) => Err(error.into()),
+            }
+        }
+
+        /// What it is called.
+        pub(crate) fn name(&self) -> String {
+            match self {
+                Self::Processor => format!("cpu {} threads", rayon::current_num_threads()),
+                Self::Card { gpu, .. } => format!("gpu {}", gpu.info().name),
+            }
+        }
+
+        /// Makes the scene ready. What a card has no room for, the processor renders, unless the card was asked for.
+        pub(crate) fn load(&self, scene: &Scene, report: &Report) -> Outcome<Loaded<'_>> {
+            let Self::Card { gpu, is_asked_for } = self else { return Ok(Loaded::Processor) };
+            match Resident::load(gpu, scene, report.progress()) {
+                Ok(resident) => Ok(Loaded::Card(Box::new(resident))),
+                Err(error) if *is_asked_for => Err(error.into()),
+                Err(error) => {
+                    tell_why_not(&error, report);
+                    match error {
+                        Error::Interrupted => Err(error.into()),
+                        _ => Ok(Loaded::Processor),
+                    }
+                }
+            }
+        }
+    }
+
+    fn tell_why_not(error: &Error, report: &Report) {
+        match error {
+            Error::Memory { what, needed_bytes, available_bytes, .. } => report.note(format_args!(
+                "{what} needs {}, the card offers {}: using the CPU",
+                bytes(*needed_bytes),
+                bytes(*available_bytes)
+            )),
+            error => report.note(format_args!("{error}: using the CPU")),
+        }
+    }
+
+    /// A scene that is ready.
+    pub(crate) enum Loaded<'a> {
+        Processor,
+        Card(Box<Resident<'a>>),
+    }
+
+    impl Loaded<'_> {
+        /// A picture of the scene that was loaded, with whatever light it has now.
+        pub(crate) fn image(
+            &self,
+            scene: &Scene,
+            camera: &Camera,
+            settings: &Settings,
+            report: &Report,
+        ) -> Result<Image> {
+            match self {
+                Self::Processor => on_processor(scene, camera, settings, report),
+                Self::Card(resident) => gpu::render(resident, scene, camera, settings, report.progress()),
+            }
+        }
+    }
+}
+
+/// Without the feature `gpu`.
+#[cfg(not(feature = "gpu"))]
+mod processor {
+    use tyndall::render::Settings;
+    use tyndall::scene::Scene;
+    use tyndall::scene::camera::Camera;
+    use tyndall::{Error, Image, Result};
+
+    use super::{Choice, Work, on_processor};
+    use crate::report::{Outcome, Report};
+
+    /// One line a device.
+    pub(crate) fn list(report: &Report) -> Outcome<()> {
+        report.out(&format!("cpu · {} threads\n", rayon::current_num_threads()))
+    }
+
+    /// The processor; cards are not known.
+    pub(crate) struct Renders;
+
+    impl Renders {
+        pub(crate) fn new(choice: &Choice, _: Work, _: &Report) -> Outcome<Self> {
+            match choice {
+                Choice::Auto | Choice::Cpu => Ok(Self),
+                Choice::Gpu(_) => {
+                    Err(Error::Device("this build knows no GPU — build it with --features gpu".into()).into())
+                }
+            }
+        }
+
+        pub(crate) fn name(&self) -> String {
+            format!("cpu {} threads", rayon::current_num_threads())
+        }
+
+        pub(crate) fn load(&self, _: &Scene, _: &Report) -> Outcome<&Self> {
+            Ok(self)
+        }
+
+        pub(crate) fn image(
+            &self,
+            scene: &Scene,
+            camera: &Camera,
+            settings: &Settings,
+            report: &Report,
+        ) -> Result<Image> {
+            on_processor(scene, camera, settings, report)
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn devices_have_names() {
+        let choice = |text: &str| text.parse::<Choice>().ok();
+        assert_eq!(choice("auto"), Some(Choice::Auto));
+        assert_eq!(choice("cpu"), Some(Choice::Cpu));
+        assert_eq!(choice("gpu"), Some(Choice::Gpu(None)));
+        assert_eq!(choice("gpu:NVIDIA H200"), Some(Choice::Gpu(Some("NVIDIA H200".into()))));
+        assert_eq!((choice("cuda"), choice("cpu:0")), (None, None));
+    }
+}

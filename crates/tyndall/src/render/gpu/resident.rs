@@ -1,0 +1,321 @@
+//! A scene in the card's memory: the hierarchy as the CPU has built it, and colors by node.
+
+use super::device::Gpu;
+use super::layout::{self, HitRecord, NONE, RayRecord};
+use super::pages::Pages;
+use super::shader::{Colors, Shape, Sizes};
+use crate::error::{Error, Result};
+use crate::math::Ray;
+use crate::progress::Progress;
+use crate::scene::Scene;
+use crate::scene::color::ColorColumn;
+use crate::structure::bvh::{Arrays, SizeArrays};
+use crate::structure::{Hit, Store, Structure};
+
+/// Storage buffers of a pass besides the scene's.
+const PASS_BUFFERS: u64 = 4;
+/// Rays answered at once; bounds memory and the time of a dispatch.
+const RAYS_AT_ONCE: usize = 1 << 20;
+
+/// See the module.
+pub struct Resident<'a> {
+    gpu: &'a Gpu,
+    shape: Shape,
+    group: wgpu::BindGroup,
+    pass_bindings: wgpu::BindGroupLayout,
+    pass_layout: wgpu::PipelineLayout,
+    ray_bindings: wgpu::BindGroupLayout,
+    ray_layout: wgpu::PipelineLayout,
+    bytes: u64,
+}
+
+/// What is loaded, as bytes.
+struct Content<'a> {
+    arrays: Arrays<'a>,
+    sizes: (Sizes, &'a [u8]),
+    colors: (Colors, &'a [u8]),
+    ids: &'a [u8],
+}
+
+impl<'a> Content<'a> {
+    /// Fails with [`Error::Setting`] or [`Error::Device`] if the structure is none that the card walks.
+    fn of(scene: &'a Scene) -> Result<Self> {
+        let Store::Bvh(bvh) = &scene.structure().store else {
+            let allowed = "bvh on the GPU; the others are for --device cpu";
+            return Err(Error::setting("--structure", "another", allowed));
+        };
+        if !bvh.is_as_built() {
+            let what = "particles that are hidden or scaled after the build are not for the GPU yet";
+            return Err(Error::Device(format!("{what}; --device cpu")));
+        }
+        let arrays = bvh.arrays();
+        let sizes = match arrays.sizes {
+            SizeArrays::Uniform(_) => (Sizes::Uniform, &[][..]),
+            SizeArrays::Table { codes, .. } => (Sizes::Table, codes),
+            SizeArrays::Each(radii) => (Sizes::Each, radii),
+            SizeArrays::Log(radii) => (Sizes::Log, radii),
+        };
+        let colors = match scene.color_column() {
+            ColorColumn::Constant(_) => (Colors::Constant, &[][..]),
+            ColorColumn::Palette { places, .. } => (Colors::Palette, places),
+            ColorColumn::Direct { bytes, .. } => (Colors::Direct, bytes),
+        };
+        let ids = bytemuck::cast_slice(arrays.ids);
+        Ok(Self { arrays, sizes, colors, ids })
+    }
+
+    /// The arrays, in the order of their bindings.
+    fn columns(&self) -> [(&'static str, &'a [u8]); 5] {
+        [
+            ("nodes", self.arrays.nodes),
+            ("blocks", self.arrays.blocks),
+            ("sizes", self.sizes.1),
+            ("ids", self.ids),
+            ("colors", self.colors.1),
+        ]
+    }
+
+    fn bytes(&self) -> u64 {
+        self.columns().iter().map(|(_, bytes)| bytes.len() as u64).sum()
+    }
+
+    /// Fails with [`Error::Memory`] if the card cannot hold or bind it.
+    fn check(&self, gpu: &Gpu) -> Result<()> {
+        let pages: u64 = self
+            .columns()
+            .iter()
+            .map(|(_, bytes)| Pages::count(bytes.len() as u64, gpu.binding_bytes()))
+            .sum();
+        let direct_fits = self.colors.0 != Colors::Direct || self.colors.1.len() <= u32::MAX as usize;
+        let elements_fit =
+            self.columns().iter().all(|(_, bytes)| bytes.len() as u64 / 16 <= u64::from(u32::MAX));
+        let is_bound = pages + PASS_BUFFERS <= gpu.storage_buffers() && direct_fits && elements_fit;
+        let has_room = gpu.info().memory_bytes.is_none_or(|bytes| self.bytes() <= bytes);
+        if is_bound && has_room { Ok(()) } else { Err(gpu.too_small("the scene", self.bytes())) }
+    }
+
+    fn outline(&self) -> layout::Bvh {
+        let mut outline = layout::Bvh {
+            top: self.arrays.top,
+            particles: self.arrays.ids.len() as u32,
+            slack: self.arrays.slack,
+            ..bytemuck::Zeroable::zeroed()
+        };
+        for (level, of) in outline.levels.iter_mut().zip(self.arrays.levels) {
+            [level[0], level[1]] = of;
+        }
+        match self.arrays.sizes {
+            SizeArrays::Uniform(radius) => outline.radius = radius,
+            SizeArrays::Table { radii, .. } => outline.radii = *radii,
+            SizeArrays::Each(_) | SizeArrays::Log(_) => {}
+        }
+        outline
+    }
+}
+
+/// Colors that all particles share, or the linear values of bytes.
+fn palette(scene: &Scene) -> [[f32; 4]; 256] {
+    let mut palette = [[0.0; 4]; 256];
+    let opaque = |[r, g, b]: [f32; 3]| [r, g, b, 1.0];
+    match scene.color_column() {
+        ColorColumn::Constant(color) => palette[0] = opaque(color),
+        ColorColumn::Palette { colors, .. } => {
+            palette.iter_mut().zip(colors).for_each(|(slot, &color)| *slot = opaque(color));
+        }
+        ColorColumn::Direct { linear_of_byte, .. } => {
+            palette.iter_mut().zip(linear_of_byte).for_each(|(slot, &linear)| *slot = opaque([linear; 3]));
+        }
+    }
+    palette
+}
+
+impl<'a> Resident<'a> {
+    /// Copies the scene to the card. Fails with [`Error::Memory`] if it does not fit, with [`Error::Setting`] if its structure is none that
+    /// the card walks.
+    pub fn load(gpu: &'a Gpu, scene: &Scene, progress: &dyn Progress) -> Result<Self> {
+        let content = Content::of(scene)?;
+        content.check(gpu)?;
+        progress.begin("upload", Some(content.bytes()), "B");
+        let (outline, palette) = (content.outline(), palette(scene));
+        let uniform = |label, bytes: &[u8]| {
+            let usage = wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST;
+            let buffer = gpu.buffer(label, bytes.len() as u64, usage)?;
+            gpu.write(&buffer, 0, bytes);
+            Ok(buffer)
+        };
+        let mut buffers = vec![
+            uniform("hierarchy", bytemuck::bytes_of(&outline))?,
+            uniform("palette", bytemuck::cast_slice(&palette))?,
+        ];
+        let uniforms = buffers.len();
+        let mut arrays = String::new();
+        for (name, bytes) in content.columns() {
+            let pages = Pages::upload(gpu, name, bytes, progress)?;
+            arrays += &pages.declare(name, buffers.len());
+            buffers.extend(pages.buffers);
+        }
+        gpu.flush()?;
+        let shape = Shape {
+            packing: content.arrays.packing,
+            sizes: content.sizes.0,
+            colors: content.colors.0,
+            // Few different numbers, so that kernels are seldom made anew.
+            levels: content.arrays.top.max(4).next_multiple_of(2),
+            arrays,
+        };
+        let scene_bindings = gpu.layout(&vec![Binding::Uniform; uniforms], buffers.len());
+        let group = gpu.bind(&scene_bindings, &buffers.iter().collect::<Vec<_>>());
+        let pass_bindings = gpu.layout(
+            &[Binding::Uniform, Binding::Read, Binding::Written, Binding::Written, Binding::Written],
+            5,
+        );
+        let ray_bindings = gpu.layout(&[Binding::Read, Binding::Written], 2);
+        Ok(Self {
+            gpu,
+            shape,
+            group,
+            pass_layout: gpu.pipeline_layout(&[&pass_bindings, &scene_bindings]),
+            ray_layout: gpu.pipeline_layout(&[&ray_bindings, &scene_bindings]),
+            pass_bindings,
+            ray_bindings,
+            bytes: content.bytes(),
+        })
+    }
+
+    /// The card.
+    pub fn gpu(&self) -> &'a Gpu {
+        self.gpu
+    }
+
+    /// Memory that the scene takes on the card, in bytes.
+    pub fn bytes(&self) -> u64 {
+        self.bytes
+    }
+
+    pub(super) fn shape(&self) -> &Shape {
+        &self.shape
+    }
+
+    pub(super) fn group(&self) -> &wgpu::BindGroup {
+        &self.group
+    }
+
+    pub(super) fn pass_bindings(&self) -> &wgpu::BindGroupLayout {
+        &self.pass_bindings
+    }
+
+    pub(super) fn pass_layout(&self) -> &wgpu::PipelineLayout {
+        &self.pass_layout
+    }
+
+    /// What each ray enters first; see [`Structure::intersect`]. `structure` is that of the scene that was loaded.
+    pub fn intersect(
+        &self,
+        structure: &Structure,
+        rays: &[Ray],
+        progress: &dyn Progress,
+    ) -> Result<Vec<Option<Hit>>> {
+        let mut found = Vec::with_capacity(rays.len());
+        for rays in rays.chunks(RAYS_AT_ONCE) {
+            let batch = self.batch(rays)?;
+            let submitted = batch.submit(progress)?;
+            self.gpu.wait(submitted)?;
+            let ids = structure.ids();
+            let hit = |hit: &HitRecord| {
+                (hit.node != NONE).then(|| Hit { t: hit.depth, id: ids[hit.node as usize], node: hit.node })
+            };
+            self.gpu.read(&batch.hits, 0..batch.hits.size(), |hits: &[HitRecord]| {
+                found.extend(hits.iter().map(hit));
+            })?;
+        }
+        Ok(found)
+    }
+
+    /// Copies rays to the card; at least one.
+    pub fn batch(&'a self, rays: &[Ray]) -> Result<Batch<'a>> {
+        let records: Vec<RayRecord> = rays.iter().map(RayRecord::of).collect();
+        let bytes = bytemuck::cast_slice(&records);
+        let storage = wgpu::BufferUsages::STORAGE;
+        let input = self.gpu.buffer("rays", bytes.len() as u64, storage | wgpu::BufferUsages::COPY_DST)?;
+        self.gpu.write(&input, 0, bytes);
+        let size = (rays.len() * size_of::<HitRecord>()) as u64;
+        let hits = self.gpu.buffer("hits of rays", size, storage | wgpu::BufferUsages::COPY_SRC)?;
+        let group = self.gpu.bind(&self.ray_bindings, &[&input, &hits]);
+        Ok(Batch { resident: self, count: rays.len(), hits, group })
+    }
+}
+
+/// Rays on the card, to be asked again and again.
+pub struct Batch<'a> {
+    resident: &'a Resident<'a>,
+    count: usize,
+    hits: wgpu::Buffer,
+    group: wgpu::BindGroup,
+}
+
+impl Batch<'_> {
+    /// Asks what each ray meets; the answers stay on the card. Seconds that it took until all were there.
+    pub fn time(&self, progress: &dyn Progress) -> Result<f64> {
+        let start = std::time::Instant::now();
+        let submitted = self.submit(progress)?;
+        self.resident.gpu.wait(submitted)?;
+        Ok(start.elapsed().as_secs_f64())
+    }
+
+    fn submit(&self, progress: &dyn Progress) -> Result<wgpu::SubmissionIndex> {
+        let Resident { gpu, shape, ray_layout, group, .. } = self.resident;
+        let pipeline = gpu.pipeline(shape.rays(), "intersect_rays", ray_layout, progress)?;
+        let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        {
+            let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
+            pass.set_bind_group(0, &self.group, &[]);
+            pass.set_bind_group(1, group, &[]);
+            pass.set_pipeline(&pipeline);
+            let groups = self.count.div_ceil(64) as u32;
+            // No dimension may have more than 65535.
+            let across = groups.min(1 << 15);
+            pass.dispatch_workgroups(across, groups.div_ceil(across), 1);
+        }
+        Ok(gpu.submit(encoder))
+    }
+}
+
+/// What a kernel does with a buffer.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Binding {
+    Uniform,
+    Read,
+    Written,
+}
+
+impl Gpu {
+    /// A layout that begins with `bindings` and goes on with buffers that are read, `count` in all.
+    fn layout(&self, bindings: &[Binding], count: usize) -> wgpu::BindGroupLayout {
+        let entry = |binding: usize| wgpu::BindGroupLayoutEntry {
+            binding: binding as u32,
+            visibility: wgpu::ShaderStages::COMPUTE,
+            ty: wgpu::BindingType::Buffer {
+                ty: match bindings.get(binding).unwrap_or(&Binding::Read) {
+                    Binding::Uniform => wgpu::BufferBindingType::Uniform,
+                    Binding::Read => wgpu::BufferBindingType::Storage { read_only: true },
+                    Binding::Written => wgpu::BufferBindingType::Storage { read_only: false },
+                },
+                has_dynamic_offset: false,
+                min_binding_size: None,
+            },
+            count: None,
+        };
+        let entries: Vec<_> = (0..count).map(entry).collect();
+        self.device
+            .create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label: None, entries: &entries })
+    }
+
+    fn pipeline_layout(&self, groups: &[&wgpu::BindGroupLayout]) -> wgpu::PipelineLayout {
+        let groups: Vec<_> = groups.iter().map(|&group| Some(group)).collect();
+        self.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+            label: None,
+            bind_group_layouts: &groups,
+            immediate_size: 0,
+        })
+    }
+}

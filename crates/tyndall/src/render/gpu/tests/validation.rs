@@ -1,0 +1,113 @@
+//! What can be checked without a device: that every kernel is valid, and that records stand in memory as the shaders read them.
+
+use std::mem::offset_of;
+
+use wgpu::naga::{self, TypeInner, valid};
+
+use super::super::layout;
+use super::super::pages::declare;
+use super::super::shader::{Colors, Sampling, Shape, Sizes, Tiling};
+use crate::structure::Packing;
+
+const PACKINGS: [Packing; 4] = [Packing::Exact, Packing::Bits16, Packing::Bits11, Packing::Bits8];
+const SIZES: [Sizes; 4] = [Sizes::Uniform, Sizes::Table, Sizes::Each, Sizes::Log];
+const COLORS: [Colors; 3] = [Colors::Constant, Colors::Palette, Colors::Direct];
+
+/// A scene's shape with so many pages an array.
+pub(super) fn shape(packing: Packing, sizes: Sizes, colors: Colors, pages: usize) -> Shape {
+    let mut arrays = String::new();
+    let mut binding = 2;
+    for name in ["nodes", "blocks", "sizes", "ids", "colors"] {
+        arrays += &declare(name, binding, pages, 10);
+        binding += pages;
+    }
+    Shape { packing, sizes, colors, levels: 6, arrays }
+}
+
+/// Parses and validates a shader. Panics with the place of what is wrong.
+fn validate(text: &str) -> naga::Module {
+    let module =
+        naga::front::wgsl::parse_str(text).unwrap_or_else(|error| panic!("{}", error.emit_to_string(text)));
+    let mut validator = valid::Validator::new(valid::ValidationFlags::all(), valid::Capabilities::empty());
+    match validator.validate(&module) {
+        Ok(_) => module,
+        Err(error) => panic!("{}", error.emit_to_string(text)),
+    }
+}
+
+#[test]
+fn every_kernel_is_valid_for_every_layout() {
+    let tilings = [
+        Tiling::default(),
+        Tiling { tile: [8, 4], split: 1, nodes: 4 },
+        Tiling { tile: [4, 4], split: 4, nodes: 8 },
+        Tiling { tile: [8, 8], split: 4, nodes: 16 },
+    ];
+    for packing in PACKINGS {
+        for sizes in SIZES {
+            let shape = shape(packing, sizes, COLORS[sizes as usize % 3], 1 + sizes as usize % 2);
+            validate(&shape.rays());
+            for samples in [1, 4, 16] {
+                for perspective in [false, true] {
+                    for tiling in tilings {
+                        let sampling = Sampling { samples, perspective, tiling: tiling.of(samples) };
+                        validate(&shape.tiles(sampling));
+                    }
+                    let sampling = Sampling { samples, perspective, tiling: Tiling::default().of(samples) };
+                    validate(&shape.shade(sampling));
+                }
+            }
+        }
+    }
+}
+
+/// Name and offset of the members of a shader's record, and its size.
+type Members = (Vec<(String, u32)>, u32);
+
+/// What the shader declares under that name.
+fn members(module: &naga::Module, name: &str) -> Members {
+    let (_, declared) =
+        module.types.iter().find(|(_, ty)| ty.name.as_deref() == Some(name)).expect("the record is declared");
+    let TypeInner::Struct { members, span } = &declared.inner else { panic!("{name} is no record") };
+    let named = |member: &naga::StructMember| (member.name.clone().unwrap_or_default(), member.offset);
+    (members.iter().map(named).collect(), *span)
+}
+
+/// What the library declares: the fields that are named, and the size.
+macro_rules! record {
+    ($record:ty: $($field:ident),+) => {
+        (
+            vec![$((stringify!($field).to_string(), offset_of!($record, $field) as u32)),+],
+            size_of::<$record>() as u32,
+        )
+    };
+}
+
+#[test]
+fn records_stand_where_the_shaders_read_them() {
+    let shape = shape(Packing::Exact, Sizes::Table, Colors::Constant, 1);
+    let sampling = Sampling { samples: 4, perspective: true, tiling: Tiling::default() };
+    let module = validate(&shape.shade(sampling));
+    let view = record!(layout::View: eye, left, forward, top, right, pixel, up, unused);
+    assert_eq!(members(&module, "View"), view);
+    let pass = record!(layout::Pass: view, size, first_row, pattern_px, centered, is_first, lighting, unused, nearest, lights);
+    assert_eq!(members(&module, "Pass"), pass);
+    let bvh = record!(layout::Bvh: levels, radii, top, particles, slack, radius);
+    assert_eq!(members(&module, "Bvh"), bvh);
+    let ray = record!(layout::RayRecord: origin, t_min, direction, t_max);
+    assert_eq!(members(&validate(&shape.rays()), "Ray"), ray);
+}
+
+#[test]
+fn a_moved_member_is_seen_by_the_comparison() {
+    let module = validate("struct Ray { origin: vec3f, direction: vec3f, t_min: f32, t_max: f32 }");
+    let ray = record!(layout::RayRecord: origin, t_min, direction, t_max);
+    assert_ne!(members(&module, "Ray"), ray);
+}
+
+#[test]
+fn an_invalid_kernel_is_refused() {
+    let shape = shape(Packing::Exact, Sizes::Uniform, Colors::Constant, 1);
+    let broken = shape.rays().replace("t_far: f32", "t_far: u32");
+    assert!(std::panic::catch_unwind(|| validate(&broken)).is_err());
+}
