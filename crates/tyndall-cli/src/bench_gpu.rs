@@ -2,7 +2,8 @@
 //!
 //! The stand-ins of the thesis at their own counts and the sets of `tyndall bench` at those that are given, 800x800. Frames follow each
 //! other without a wait for any but the one before, as a viewer makes them; nothing is read back. `hits ms` and `light ms` are the card's
-//! own clock. Incoherent rays come from random points around the particles' box to random points in it. More than 2^28 particles
+//! own clock. `floors` says what bounds finding hits: bytes that the walk reads at least once a tile over the memory's rate, operations over
+//! the card's peak, and the steps that wait for each other in a tile over the tiles that are at work at one time. Incoherent rays come from random points around the particles' box to random points in it. More than 2^28 particles
 //! are packed in 8 bits and read in parts.
 
 use std::time::{Duration, Instant};
@@ -11,7 +12,7 @@ use serde_json::json;
 use tyndall::Vec3;
 use tyndall::math::Ray;
 use tyndall::random::Stream;
-use tyndall::render::gpu::{Gpu, Kind as AdapterKind, Options, Renderer, Resident, Tiling};
+use tyndall::render::gpu::{Gpu, Kind as AdapterKind, Options, Renderer, Resident, Tiling, Tilings};
 use tyndall::render::{Culling, Settings};
 use tyndall::scene::automatic::{self, Outliers};
 use tyndall::scene::camera::{Camera, VERTICAL_ANGLE};
@@ -38,6 +39,8 @@ const STREAMED: u64 = 1 << 28;
 /// Of each measurement: how long it may take, and how many frames it has at least and at most.
 const MEASURED: Duration = Duration::from_millis(400);
 const FRAMES: [u32; 2] = [2, 2000];
+/// How long a way to walk is tried.
+const VARIED: Duration = Duration::from_millis(150);
 /// Rays that share nothing, on hardware and on a program.
 const RAYS: [u64; 2] = [1 << 22, 1 << 12];
 
@@ -59,36 +62,70 @@ const PICTURES: [&str; 16] = [
     "default look 4 frames/s",
     "incoherent Mrays/s",
 ];
-const VARIANTS: [&str; 9] = [
+const VARIANTS: [&str; 7] = ["set", "camera", "samples", "first walk", "second walk", "checks", "hits ms"];
+
+const FLOORS: [&str; 15] = [
     "set",
+    "particles",
     "camera",
-    "tile",
-    "threads a pixel",
-    "nodes at once",
-    "checks",
-    "hits 1 ms",
-    "hits 4 ms",
-    "hits 16 ms",
+    "samples",
+    "steps a tile",
+    "longest tile",
+    "nodes a tile",
+    "leaves a tile",
+    "tests a sample",
+    "hits us",
+    "memory us",
+    "arithmetic us",
+    "latency us",
+    "longest us",
+    "limit",
 ];
 
-/// Layouts of the kernel that are compared.
-fn variants() -> Vec<Tiling> {
+/// What a card can do at most.
+struct Card {
+    name: &'static str,
+    bytes_a_sec: f64,
+    /// Operations in single precision; a fused one counts twice.
+    operations_a_sec: f64,
+    processors: f64,
+}
+
+/// From their makers' data sheets, SXM modules.
+const CARDS: [Card; 3] = [
+    Card { name: "H200", bytes_a_sec: 4.8e12, operations_a_sec: 66.9e12, processors: 132.0 },
+    Card { name: "H100", bytes_a_sec: 3.35e12, operations_a_sec: 66.9e12, processors: 132.0 },
+    Card { name: "A100", bytes_a_sec: 2.04e12, operations_a_sec: 19.5e12, processors: 108.0 },
+];
+/// Operations of a test of a sample, and of projecting a child's box or a particle; counted in the shader's text.
+const TEST_OPERATIONS: f64 = 29.0;
+const PROJECT_OPERATIONS: f64 = 70.0;
+/// Seconds of a step at least: a read from the second cache (270 cycles), three barriers and the arithmetic between (300), at 1.7 GHz.
+const STEP_SECS: f64 = 0.34e-6;
+/// Tiles that a processor holds at one time: 2048 threads in groups of 64.
+const TILES_AT_ONCE: f64 = 32.0;
+
+/// Ways to walk that are compared, for so many samples.
+fn variants(samples: u32) -> Vec<Tilings> {
     let tiling = |tile, split, nodes| Tiling { tile, split, nodes };
+    let default = Tilings::of(samples);
+    let endless = |first| Tilings { first, patience: 0, ..default };
+    let patient = |patience, second| Tilings { patience, second, ..default };
+    let (small, tiny) = (tiling([4, 4], 4, 8), tiling([2, 2], 16, 8));
     vec![
-        tiling([8, 8], 1, 8),
-        tiling([8, 8], 1, 4),
-        tiling([8, 8], 1, 2),
-        tiling([8, 8], 1, 1),
-        tiling([8, 4], 1, 4),
-        tiling([8, 4], 1, 2),
-        tiling([4, 4], 4, 8),
-        tiling([4, 4], 4, 4),
-        tiling([8, 4], 4, 8),
-        tiling([8, 8], 4, 8),
-        tiling([8, 8], 4, 16),
-        tiling([16, 8], 1, 8),
-        tiling([16, 16], 1, 8),
-        tiling([16, 16], 1, 16),
+        endless(tiling([8, 8], 1, 4)),
+        endless(tiling([8, 4], 4, 8)),
+        endless(tiling([4, 4], 4, 4)),
+        endless(tiling([8, 8], 4, 16)),
+        patient(32, small),
+        patient(64, small),
+        patient(128, small),
+        patient(256, small),
+        patient(64, tiny),
+        patient(128, tiny),
+        Tilings { first: tiling([8, 4], 4, 8), ..patient(64, small) },
+        Tilings { first: tiling([4, 4], 4, 4), ..patient(64, tiny) },
+        patient(64, tiling([8, 8], 4, 16)),
     ]
 }
 
@@ -97,9 +134,10 @@ struct Bench<'a> {
     args: &'a args::Bench,
     report: &'a Report,
     gpu: Gpu,
-    /// Another handle on the same card, whose kernels do not check themselves.
-    trusted: Option<Gpu>,
+    /// Another handle on the same card, whose kernels check themselves.
+    checked: Option<Gpu>,
     pictures: Table,
+    floors: Table,
     variants: Table,
     start: Instant,
 }
@@ -111,8 +149,8 @@ pub(crate) fn run(args: &args::Bench, report: &Report) -> Outcome<()> {
         Choice::Auto | Choice::Cpu => None,
     };
     let gpu = Gpu::open(Options { name: name.clone(), ..Options::default() })?;
-    let trusted = match args.variants {
-        true => Some(Gpu::open(Options { name, trusted: true, ..Options::default() })?),
+    let checked = match args.variants {
+        true => Some(Gpu::open(Options { name, checked: true, ..Options::default() })?),
         false => None,
     };
     let info = gpu.info();
@@ -121,8 +159,9 @@ pub(crate) fn run(args: &args::Bench, report: &Report) -> Outcome<()> {
         args,
         report,
         gpu,
-        trusted,
+        checked,
         pictures: Table::new(&PICTURES),
+        floors: Table::new(&FLOORS),
         variants: Table::new(&VARIANTS),
         start: Instant::now(),
     };
@@ -131,8 +170,8 @@ pub(crate) fn run(args: &args::Bench, report: &Report) -> Outcome<()> {
         report.out(&format!("{:#}\n", bench.json()))?;
     } else {
         report.out(&bench.pictures.markdown())?;
-        if !bench.variants.is_empty() {
-            report.out(&format!("\n{}", bench.variants.markdown()))?;
+        for table in [&bench.floors, &bench.variants].into_iter().filter(|table| !table.is_empty()) {
+            report.out(&format!("\n{}", table.markdown()))?;
         }
     }
     done
@@ -179,6 +218,7 @@ impl Bench<'_> {
             "size": [self.args.size.width, self.args.size.height],
             "secs": self.start.elapsed().as_secs_f64(),
             "pictures": self.pictures.json(),
+            "floors": self.floors.json(),
             "variants": self.variants.json(),
         })
     }
@@ -196,10 +236,12 @@ impl Bench<'_> {
         for (name, camera) in &cameras {
             scene.lighting = Lighting::Headlight;
             let frames = [1, 4, 16].map(|samples| self.frames(&resident, &scene, camera, samples));
-            let [one, four, sixteen] = match frames {
-                [Ok(one), Ok(four), Ok(sixteen)] => [one, four, sixteen],
-                [one, four, sixteen] => [one?, four?, sixteen?],
-            };
+            let [one, four, sixteen] = frames;
+            let [one, four, sixteen] = [one?, four?, sixteen?];
+            for (samples, frames) in [(1, &one), (4, &four), (16, &sixteen)] {
+                let row = self.floors_of(set, name, &resident, &scene, camera, samples, frames)?;
+                row.into_iter().for_each(|row| self.floors.add(row));
+            }
             let view =
                 camera.view(scene.structure().origin(), self.args.size.width, self.args.size.height)?;
             scene.lighting = Lighting::studio(view.forward, view.right, view.up);
@@ -244,45 +286,107 @@ impl Bench<'_> {
         Ok(())
     }
 
-    /// Times the kernel that finds hits in each of its layouts.
+    /// Counts what the walk does, and says how long that takes at least.
+    #[expect(clippy::too_many_arguments, reason = "what was measured, by name")]
+    fn floors_of(
+        &self,
+        set: &str,
+        camera_name: &str,
+        resident: &Resident,
+        scene: &Scene,
+        camera: &Camera,
+        samples: u32,
+        frames: &Frames,
+    ) -> Outcome<Option<[Cell; FLOORS.len()]>> {
+        let mut renderer = Renderer::new(resident, scene, camera, &self.settings(samples))?;
+        let Some(work) = renderer.count_work(self.report.progress())? else { return Ok(None) };
+        let particles = scene.structure().len();
+        let [tiles, steps, nodes, leaves, tests] =
+            [work.tiles, work.steps, work.nodes, work.leaves, work.tests].map(|count| count as f64);
+        let all = f64::from(samples) * f64::from(self.args.size.width) * f64::from(self.args.size.height);
+        // Nodes and leaves that several tiles read come from a cache: each byte of the tree counts once at most.
+        let leaf_bytes = resident.bytes() as f64 / particles.max(1) as f64 * 16.0;
+        let bytes = (64.0 * nodes + leaf_bytes * leaves).min(resident.bytes() as f64) + 8.0 * all;
+        let operations = TEST_OPERATIONS * tests + PROJECT_OPERATIONS * (8.0 * nodes + 16.0 * leaves);
+        let card = CARDS.iter().find(|card| self.gpu.info().name.contains(card.name));
+        let floors = card.map(|card| {
+            [
+                ("memory", bytes / card.bytes_a_sec),
+                ("arithmetic", operations / card.operations_a_sec),
+                ("latency", steps * STEP_SECS / tiles.min(TILES_AT_ONCE * card.processors)),
+                ("longest tile", work.most_steps as f64 * STEP_SECS),
+            ]
+        });
+        let us = |secs: Option<f64>| secs.map_or(Cell::Unknown, |secs| Cell::Number(1e6 * secs, 1));
+        let floor = |at: usize| us(floors.map(|floors| floors[at].1));
+        let limit = floors.and_then(|floors| floors.into_iter().max_by(|a, b| a.1.total_cmp(&b.1)));
+        Ok(Some([
+            Cell::Word(set.into()),
+            Cell::Count(particles),
+            Cell::Word(camera_name.into()),
+            Cell::Count(samples as usize),
+            Cell::Number(steps / tiles, 1),
+            Cell::Count(work.most_steps as usize),
+            Cell::Number(nodes / tiles, 1),
+            Cell::Number(leaves / tiles, 1),
+            Cell::Number(tests / all, 2),
+            us(frames.secs.map(|secs| secs[0])),
+            floor(0),
+            floor(1),
+            floor(2),
+            floor(3),
+            limit.map_or(Cell::Unknown, |(name, _)| Cell::Word(name.into())),
+        ]))
+    }
+
+    /// Times the kernels that find hits in each way to walk; with checks the default alone.
     fn compare(&mut self, set: &str, scene: &Scene, cameras: &[(&str, Camera)]) -> Outcome<()> {
-        for (gpu, checks) in [(Some(&self.gpu), "on"), (self.trusted.as_ref(), "off")] {
+        let progress = self.report.progress();
+        for (gpu, checks) in [(Some(&self.gpu), "off"), (self.checked.as_ref(), "on")] {
             let Some(gpu) = gpu else { continue };
-            let resident = Resident::load(gpu, scene, self.report.progress())?;
-            for (name, camera) in cameras {
-                for tiling in variants() {
-                    if tiling.threads() > gpu.workgroup_threads() {
+            let resident = Resident::load(gpu, scene, progress)?;
+            for ((name, camera), samples) in
+                cameras.iter().flat_map(|camera| [1, 4, 16].map(|samples| (camera, samples)))
+            {
+                let all = if checks == "on" { vec![Tilings::of(samples)] } else { variants(samples) };
+                for tilings in all {
+                    let Tilings { first, second, patience } = tilings;
+                    if first.threads().max(second.threads()) > gpu.workgroup_threads() {
                         continue;
                     }
-                    let mut cells = vec![
+                    let settings = self.settings(samples);
+                    let mut renderer =
+                        Renderer::new(&resident, scene, camera, &settings)?.with_tilings(tilings);
+                    renderer.prepare(progress)?;
+                    // A card that has waited has a slow clock: it is kept at work.
+                    let start = Instant::now();
+                    let mut times = Vec::new();
+                    while times.len() < 5 || (start.elapsed() < VARIED && times.len() < 200) {
+                        for _ in 0..8 {
+                            renderer.restart(camera)?;
+                            renderer.pass(progress)?;
+                        }
+                        let Some([hits, _]) = renderer.time_pass(progress)? else { break };
+                        times.push(hits);
+                    }
+                    times.sort_by(f64::total_cmp);
+                    let text = |tiling: Tiling| {
+                        format!("{}x{}/{}/{}", tiling.tile[0], tiling.tile[1], tiling.split, tiling.nodes)
+                    };
+                    let after = if patience == 0 {
+                        "none".into()
+                    } else {
+                        format!("{} after {patience}", text(second))
+                    };
+                    self.variants.add([
                         Cell::Word(set.into()),
                         Cell::Word((*name).into()),
-                        Cell::Word(format!("{}x{}", tiling.tile[0], tiling.tile[1])),
-                        Cell::Count(tiling.split as usize),
-                        Cell::Count(tiling.nodes as usize),
+                        Cell::Count(samples as usize),
+                        Cell::Word(text(first)),
+                        Cell::Word(after),
                         Cell::Word(checks.into()),
-                    ];
-                    for samples in [1, 4, 16] {
-                        // What has too few threads with fewer samples is another variant.
-                        if tiling.split > samples {
-                            cells.push(Cell::Unknown);
-                            continue;
-                        }
-                        let settings = self.settings(samples);
-                        let mut renderer =
-                            Renderer::new(&resident, scene, camera, &settings)?.with_tiling(tiling);
-                        let mut times = Vec::new();
-                        for _ in 0..6 {
-                            times.extend(renderer.time_pass(self.report.progress())?.map(|[hits, _]| hits));
-                        }
-                        times.sort_by(f64::total_cmp);
-                        cells.push(
-                            times
-                                .get(times.len() / 3)
-                                .map_or(Cell::Unknown, |secs| Cell::Number(1e3 * secs, 3)),
-                        );
-                    }
-                    self.variants.add(cells);
+                        times.get(times.len() / 4).map_or(Cell::Unknown, |secs| Cell::Number(1e3 * secs, 3)),
+                    ]);
                 }
             }
         }
@@ -355,7 +459,8 @@ impl Bench<'_> {
     fn frames(&self, resident: &Resident, scene: &Scene, camera: &Camera, samples: u32) -> Outcome<Frames> {
         let progress = self.report.progress();
         let mut renderer = Renderer::new(resident, scene, camera, &self.settings(samples))?;
-        // Kernels are made, and bands grow to what the card can do.
+        renderer.prepare(progress)?;
+        // Bands grow to what the card can do.
         for _ in 0..3 {
             renderer.restart(camera)?;
             renderer.pass(progress)?;

@@ -4,6 +4,7 @@
 
 mod args;
 mod bench;
+mod bench_culling;
 mod bench_density;
 #[cfg(feature = "gpu")]
 mod bench_gpu;
@@ -35,6 +36,8 @@ use args::{Cli, Common, Verb};
 use report::{Failure, Outcome, Report};
 
 fn main() -> ExitCode {
+    #[cfg(feature = "gpu")]
+    without_display();
     let cli = match Cli::try_parse() {
         Ok(cli) => cli,
         Err(error) => return usage::explain(&error),
@@ -50,6 +53,14 @@ fn main() -> ExitCode {
         Verb::Other(words) => told(Err(usage::no_verb(&words))),
     };
     done.unwrap_or_else(|failure| failure.exit_code())
+}
+
+/// Keeps a layer of Mesa's drivers from asking for a display, which it misses loudly where there is none.
+#[cfg(feature = "gpu")]
+#[expect(unsafe_code, reason = "the environment is shared by all threads")]
+fn without_display() {
+    // SAFETY: it is the first thing that the process does; nothing else runs yet that could read the environment.
+    unsafe { std::env::set_var("NODEVICE_SELECT", "1") };
 }
 
 /// Runs a verb with the threads and the voice that it was given.

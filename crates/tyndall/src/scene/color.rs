@@ -63,6 +63,7 @@ enum Store {
 }
 
 /// Colors as they are held, for a device that holds a copy.
+#[cfg(feature = "gpu")]
 pub(crate) enum ColorColumn<'a> {
     /// One for all.
     Constant([f32; 3]),
@@ -74,6 +75,7 @@ pub(crate) enum ColorColumn<'a> {
 
 impl ParticleColors {
     /// The memory that holds the colors.
+    #[cfg(feature = "gpu")]
     pub(crate) fn column(&self) -> ColorColumn<'_> {
         match &self.store {
             Store::Constant(color) => ColorColumn::Constant(*color),

@@ -21,7 +21,9 @@ pub mod viewpoint;
 
 use crate::structure::Structure;
 use crate::structure::selection::Column;
-use color::{ColorColumn, ParticleColors};
+#[cfg(feature = "gpu")]
+use color::ColorColumn;
+use color::ParticleColors;
 use light::Lighting;
 use select::Selectable;
 pub use statistics::{grouped, short};
@@ -72,6 +74,7 @@ impl Scene {
     }
 
     /// The colors as they are held, by node.
+    #[cfg(feature = "gpu")]
     pub(crate) fn color_column(&self) -> ColorColumn<'_> {
         self.colors.column()
     }

@@ -1,8 +1,11 @@
 //! Tests that look inside: structures and kernels against brute force, on random and on degenerate scenes.
 
 mod certified;
+mod culling;
 mod interactive;
 mod oracle;
-pub(crate) mod scenes;
+mod scenes;
 mod selection;
+#[cfg(feature = "gpu")]
+mod twins;
 mod visibility;

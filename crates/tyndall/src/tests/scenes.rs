@@ -7,37 +7,37 @@ use crate::particles::{Attribute, Columns, Particles, Positions, Radii, Values};
 use crate::scene::camera::{Camera, Projection};
 
 /// A small generator (PCG-XSH-RR) for tests.
-pub(crate) struct Random(u64);
+pub(super) struct Random(u64);
 
 impl Random {
-    pub(crate) fn new(seed: u64) -> Self {
+    pub(super) fn new(seed: u64) -> Self {
         let mut random = Self(seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) ^ 0x1234_5678);
         random.bits();
         random
     }
 
-    pub(crate) fn bits(&mut self) -> u32 {
+    pub(super) fn bits(&mut self) -> u32 {
         let state = self.0;
         self.0 = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
         ((((state >> 18) ^ state) >> 27) as u32).rotate_right((state >> 59) as u32)
     }
 
-    pub(crate) fn unit(&mut self) -> f32 {
+    pub(super) fn unit(&mut self) -> f32 {
         (self.bits() >> 8) as f32 / 16_777_216.0
     }
 
-    pub(crate) fn below(&mut self, count: u32) -> u32 {
+    pub(super) fn below(&mut self, count: u32) -> u32 {
         self.bits() % count
     }
 
-    pub(crate) fn vector(&mut self) -> Vec3 {
+    pub(super) fn vector(&mut self) -> Vec3 {
         Vec3::new(self.unit(), self.unit(), self.unit()) * 2.0 - 1.0
     }
 }
 
 /// What a random scene is like.
 #[derive(Clone, Copy, Debug)]
-pub(crate) enum Law {
+pub(super) enum Law {
     Uniform,
     Equal,
     Collinear,
@@ -48,7 +48,7 @@ pub(crate) enum Law {
     Planar,
 }
 
-pub(crate) const LAWS: [Law; 8] = [
+pub(super) const LAWS: [Law; 8] = [
     Law::Uniform,
     Law::Equal,
     Law::Collinear,
@@ -60,7 +60,7 @@ pub(crate) const LAWS: [Law; 8] = [
 ];
 
 /// Particles by a law, with a radius each where `radii` differ.
-pub(crate) fn particles(law: Law, count: usize, random: &mut Random) -> (Particles, Radii) {
+pub(super) fn particles(law: Law, count: usize, random: &mut Random) -> (Particles, Radii) {
     let scale = match law {
         Law::Huge => 1e12,
         Law::Tiny => 1e-12,
@@ -100,7 +100,7 @@ pub(crate) fn particles(law: Law, count: usize, random: &mut Random) -> (Particl
 }
 
 /// A camera of either projection: from outside along an axis, a diagonal or any direction, or from within the cloud.
-pub(crate) fn camera(bounds: &Bounds, random: &mut Random) -> Camera {
+pub(super) fn camera(bounds: &Bounds, random: &mut Random) -> Camera {
     let center = if bounds.is_empty() { Vec3::ZERO } else { bounds.center() };
     let size = bounds.extent().max_element().max(0.1 * center.abs().max_element()).max(1e-20);
     let direction = match random.below(4) {

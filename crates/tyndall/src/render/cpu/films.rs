@@ -36,7 +36,7 @@ impl Backend for Films {
         let film = self.films[picture].take().filter(|film| (film.width, film.height) == (width, height));
         let film = self.films[picture].insert(film.unwrap_or_else(|| Film::new(width, height)));
         let pass = film.pass(scene, view, added, certified);
-        for_each_tile(film, &[pass], self.level, progress);
+        for_each_tile(film, &[pass], None, self.level, progress);
         if film.has(added.first + added.count) { Ok(()) } else { Err(Error::Interrupted) }
     }
 

@@ -5,6 +5,7 @@
 
 mod beams;
 mod clip;
+mod confidence;
 mod films;
 mod hits;
 mod lighting;
@@ -18,6 +19,7 @@ use fearless_simd_macros::simd;
 use rayon::prelude::*;
 
 use super::certified::{Counts, Options};
+use super::confidence::{Histogram, Pixel};
 use super::shade::{key_radiance, mean_of, sky_radiance};
 use crate::film::Image;
 use crate::progress::Progress;
@@ -28,6 +30,7 @@ use crate::scene::light::Lighting;
 use crate::simd::Lanes3;
 use crate::structure::Store;
 use bytemuck::Zeroable;
+pub(crate) use confidence::Confidence;
 pub(crate) use films::Films;
 use hits::{Hits, PACKET_EDGE, PACKETS, pixel_of};
 use lighting::Lit;
@@ -173,11 +176,21 @@ struct Scratch {
     layer: Box<Layer>,
     light: Box<Lit>,
     counts: Counts,
+    histogram: Histogram,
 }
 
+/// What a film tile's pixels know of what hides what, where they learn.
+type Culled<'a> = Option<(confidence::Frame<'a>, &'a mut [Pixel; FILM_PIXELS])>;
+
 /// Adds passes to the film, one after the other in each tile. The only place where threads appear: each takes film tiles until
-/// none is left.
-pub(crate) fn for_each_tile(film: &mut Film, passes: &[Pass], level: Level, progress: &dyn Progress) {
+/// none is left. Where `culling` learns from pass to pass, there is one.
+pub(crate) fn for_each_tile(
+    film: &mut Film,
+    passes: &[Pass],
+    mut culling: Option<&mut Confidence>,
+    level: Level,
+    progress: &dyn Progress,
+) {
     let (width, height) = (film.width, film.height);
     let samples = passes.iter().map(|pass| pass.lights.len()).max().unwrap_or(0);
     let scratch = || Scratch {
@@ -188,8 +201,16 @@ pub(crate) fn for_each_tile(film: &mut Film, passes: &[Pass], level: Level, prog
         layer: Layer::new(),
         light: Lit::new(),
         counts: Counts::default(),
+        histogram: Histogram::default(),
     };
-    film.tiles.par_iter_mut().for_each_init(scratch, |scratch, film_tile| {
+    let culled: Vec<Culled> = match &mut culling {
+        Some(culling) => {
+            let (frame, tiles) = culling.split();
+            tiles.iter_mut().map(|pixels| Some((frame, pixels))).collect()
+        }
+        None => film.tiles.iter().map(|_| None).collect(),
+    };
+    film.tiles.par_iter_mut().zip(culled).for_each_init(scratch, |scratch, (film_tile, mut culled)| {
         let columns = (width - film_tile.x).min(FILM_EDGE as u32);
         let rows = (height - film_tile.y).min(FILM_EDGE as u32);
         scratch.memories.clear();
@@ -204,12 +225,16 @@ pub(crate) fn for_each_tile(film: &mut Film, passes: &[Pass], level: Level, prog
             if passes.len() > 1 && pass.certified.visible_set {
                 scratch.remember(pass);
             }
-            dispatch!(level, simd => render_film_tile(simd, pass, film_tile, scratch));
+            dispatch!(level, simd => render_film_tile(simd, pass, film_tile, &mut culled, scratch));
             film_tile.samples += pass.samples as u32;
             pass.count(std::mem::take(&mut scratch.counts));
             progress.advance(u64::from(columns) * u64::from(rows) * pass.samples as u64);
         }
     });
+    if let Some(culling) = culling {
+        let samples: usize = passes.iter().map(|pass| pass.samples).sum();
+        culling.decide(film, samples as u32);
+    }
 }
 
 impl Scratch {
@@ -224,15 +249,21 @@ impl Scratch {
 }
 
 #[simd]
-fn render_film_tile<S: Simd>(simd: S, pass: &Pass, film_tile: &mut FilmTile, scratch: &mut Scratch) {
+fn render_film_tile<S: Simd>(
+    simd: S,
+    pass: &Pass,
+    film_tile: &mut FilmTile,
+    culled: &mut Culled,
+    scratch: &mut Scratch,
+) {
     if pass.first == 0 {
         film_tile.sum = [[0.0; 4]; FILM_PIXELS];
     }
     let tile_px = pass.tile_px();
     for y in (0..FILM_EDGE).step_by(tile_px) {
         for x in (0..FILM_EDGE).step_by(tile_px) {
-            let number = y / tile_px * (FILM_EDGE / tile_px) + x / tile_px;
-            find_hits(simd, pass, (film_tile.x as usize + x, film_tile.y as usize + y), number, scratch);
+            let corner = [film_tile.x as usize, film_tile.y as usize];
+            find_hits(simd, pass, (corner, [x, y]), culled, scratch);
             for block in 0..BLOCKS {
                 let first = (y + block / EDGE * pass.block_px) * FILM_EDGE + x + block % EDGE * pass.block_px;
                 keep_nearest(pass, block, first, film_tile, &scratch.tile);
@@ -265,15 +296,27 @@ fn keep_nearest(pass: &Pass, block: usize, first: usize, film_tile: &mut FilmTil
     }
 }
 
-/// Finds what every ray of the tile at pixel `corner` meets, which has the place `number` in its film tile.
+/// Finds what every ray of a tile meets, which lies at pixel `inside` of the film tile at pixel `corner`.
 #[simd]
-fn find_hits<S: Simd>(simd: S, pass: &Pass, corner: (usize, usize), number: usize, scratch: &mut Scratch) {
+fn find_hits<S: Simd>(
+    simd: S,
+    pass: &Pass,
+    (corner, inside): ([usize; 2], [usize; 2]),
+    culled: &mut Culled,
+    scratch: &mut Scratch,
+) {
     let tile = &mut scratch.tile;
     tile.clear();
-    pass.set_rays(simd, corner, tile);
+    let place = (corner[0] + inside[0], corner[1] + inside[1]);
+    pass.set_rays(simd, place, tile);
+    if let Some((frame, pixels)) = culled {
+        return confidence::trace(frame, pass, (corner, inside), pixels, (tile, &mut scratch.histogram));
+    }
     match &pass.scene.structure().store {
         Store::Bvh(bvh) => {
-            let beam = Beam::new(pass, corner.0 as f32, corner.1 as f32);
+            let beam = Beam::new(pass, place.0 as f32, place.1 as f32);
+            let number =
+                inside[1] / pass.tile_px() * (FILM_EDGE / pass.tile_px()) + inside[0] / pass.tile_px();
             let memory = scratch.memories.get_mut(number);
             tiles::walk(simd, bvh, &pass.view, &beam, tile, &mut scratch.stack, memory);
         }

@@ -37,6 +37,7 @@ pub(crate) struct Pass<'a> {
     pub(super) certified: Options,
     /// By lane of a block: how far its pixel lies in a film tile behind the block's first.
     pub(super) pixel: [usize; RAYS],
+    pub(super) seed: u32,
     /// The first of its samples: what the film has before it.
     pub(super) first: u32,
     /// By the block's place: the lanes that are nearer the centers of their pixels than all samples before.
@@ -93,6 +94,7 @@ impl<'a> Pass<'a> {
             _ => Vec::new(),
         };
         Self {
+            seed: added.seed,
             first: added.first,
             scene,
             view,

@@ -4,6 +4,7 @@ use super::Kernels;
 use super::device::Gpu;
 use super::layout::{HitRecord, NONE, Pass};
 use super::resident::Resident;
+use super::shader::MOST_ASIDE;
 use crate::error::Result;
 use crate::film::Image;
 use crate::render::Settings;
@@ -28,15 +29,18 @@ pub(super) struct Film {
     height: u32,
     pass: wgpu::Buffer,
     samples: wgpu::Buffer,
-    /// Of the band that is worked on, in the kernels' bindings, and their size in bytes.
-    hits: Option<(u64, wgpu::BindGroup)>,
+    /// Of the band that is worked on, and the kernels' bindings.
+    hits: Option<(wgpu::Buffer, wgpu::BindGroup)>,
+    /// Tiles of the band that the second walk goes on with, for each walk's bindings.
+    aside: wgpu::Buffer,
+    aside_groups: [wgpu::BindGroup; 2],
     sum: wgpu::Buffer,
     nearest: wgpu::Buffer,
 }
 
 impl Film {
     /// Without samples.
-    pub(super) fn new(gpu: &Gpu, settings: &Settings) -> Result<Self> {
+    pub(super) fn new(gpu: &Gpu, resident: &Resident, settings: &Settings) -> Result<Self> {
         let Settings { width, height, .. } = *settings;
         let pixels = u64::from(width) * u64::from(height);
         if 16 * pixels > gpu.binding_bytes() {
@@ -44,7 +48,12 @@ impl Film {
         }
         let storage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC;
         let written = wgpu::BufferUsages::COPY_DST;
+        let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::INDIRECT | written;
+        let aside = gpu.buffer("tiles laid aside", 4 * (4 + u64::from(MOST_ASIDE)), usage)?;
+        let aside_groups = resident.aside_bindings().each_ref().map(|layout| gpu.bind(layout, &[&aside]));
         Ok(Self {
+            aside,
+            aside_groups,
             width,
             height,
             pass: gpu.buffer("pass", size_of::<Pass>() as u64, wgpu::BufferUsages::UNIFORM | written)?,
@@ -94,12 +103,13 @@ impl Film {
     fn bind(&mut self, gpu: &Gpu, resident: &Resident, samples: u32, rows: u32) -> Result<wgpu::BindGroup> {
         let bytes = HIT_BYTES * u64::from(self.width) * u64::from(rows) * u64::from(samples);
         match &self.hits {
-            Some((size, group)) if *size >= bytes => Ok(group.clone()),
+            Some((hits, group)) if hits.size() >= bytes => Ok(group.clone()),
             _ => {
-                let hits = gpu.buffer("hits", bytes, wgpu::BufferUsages::STORAGE)?;
+                let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC;
+                let hits = gpu.buffer("hits", bytes, usage)?;
                 let buffers = [&self.pass, &self.samples, &hits, &self.sum, &self.nearest];
                 let group = gpu.bind(resident.pass_bindings(), &buffers);
-                self.hits = Some((bytes, group.clone()));
+                self.hits = Some((hits, group.clone()));
                 Ok(group)
             }
         }
@@ -115,16 +125,30 @@ impl Film {
         timer: Option<&Timer>,
     ) -> Result<wgpu::SubmissionIndex> {
         let group = self.bind(gpu, resident, kernels.samples, rows)?;
+        let parts = kernels.tilings.parts();
+        // What a dispatch of the second walk reads: workgroups across, which the first walk counts, down and deep.
+        gpu.write(&self.aside, 0, bytemuck::bytes_of(&[0, parts[0] * parts[1], 1_u32]));
         let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-        let steps = [(&kernels.find_hits, kernels.tiling.tile), (&kernels.shade, [8, 8])];
-        for ((pipeline, tile), step) in steps.into_iter().zip(0..) {
-            let timestamp_writes = timer.map(|timer| timer.writes(step));
-            let mut pass =
-                encoder.begin_compute_pass(&wgpu::ComputePassDescriptor { label: None, timestamp_writes });
+        let tile = kernels.tilings.first.tile;
+        {
+            let mut pass = begin(&mut encoder, timer, 0);
             pass.set_bind_group(0, &group, &[]);
             pass.set_bind_group(1, resident.group(), &[]);
-            pass.set_pipeline(pipeline);
+            pass.set_bind_group(2, &self.aside_groups[0], &[]);
+            pass.set_pipeline(&kernels.find_hits);
             pass.dispatch_workgroups(self.width.div_ceil(tile[0]), rows.div_ceil(tile[1]), 1);
+            if let Some(go_on) = &kernels.go_on {
+                pass.set_bind_group(2, &self.aside_groups[1], &[]);
+                pass.set_pipeline(go_on);
+                pass.dispatch_workgroups_indirect(&self.aside, 0);
+            }
+        }
+        if let Some(shade) = &kernels.shade {
+            let mut pass = begin(&mut encoder, timer, 1);
+            pass.set_bind_group(0, &group, &[]);
+            pass.set_bind_group(1, resident.group(), &[]);
+            pass.set_pipeline(shade);
+            pass.dispatch_workgroups(self.width.div_ceil(8), rows.div_ceil(8), 1);
         }
         if let Some(timer) = timer {
             timer.resolve(&mut encoder);
@@ -164,11 +188,29 @@ impl Film {
         Ok(image)
     }
 
+    /// Waits, and gives what the last band has written for its samples.
+    pub(super) fn read_hits(&self, gpu: &Gpu, take: impl FnOnce(&[HitRecord])) -> Result<()> {
+        match &self.hits {
+            Some((hits, _)) => gpu.read(hits, 0..hits.size(), take),
+            None => Ok(()),
+        }
+    }
+
     /// What the sample nearest the center of pixel (x, y) met.
     pub(super) fn nearest(&self, gpu: &Gpu, x: u32, y: u32) -> Result<HitRecord> {
         let at = HIT_BYTES * (u64::from(y) * u64::from(self.width) + u64::from(x));
         gpu.read(&self.nearest, at..at + HIT_BYTES, |hits: &[HitRecord]| hits[0])
     }
+}
+
+/// A pass of kernels, timed as step `step`.
+fn begin<'a>(
+    encoder: &'a mut wgpu::CommandEncoder,
+    timer: Option<&'a Timer>,
+    step: u32,
+) -> wgpu::ComputePass<'a> {
+    let timestamp_writes = timer.map(|timer| timer.writes(step));
+    encoder.begin_compute_pass(&wgpu::ComputePassDescriptor { label: None, timestamp_writes })
 }
 
 /// The card's own clock around the two kernels of a band.

@@ -20,10 +20,17 @@ fn samples_y(first: u32) -> Lanes {
     return samples[first].y;
 }
 
-fn smaller_id(node: u32, than: LanesU) -> LanesB {
+// Where nothing was met, there is no id.
+fn smaller_id(node: u32, met: LanesU) -> LanesB {
+    let than = select(met, LanesU(node), met == LanesU(NONE));
     return id_of(node) < id_of(than);
 }
 
 fn store_hits(first: u32, depth: Lanes, node: LanesU) {
     hits[first] = vec2u(bitcast<u32>(depth), node);
+}
+
+fn load_hits(first: u32) -> Found {
+    let hit = hits[first];
+    return Found(bitcast<f32>(hit.x), hit.y);
 }

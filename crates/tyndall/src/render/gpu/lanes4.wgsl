@@ -20,7 +20,9 @@ fn samples_y(first: u32) -> Lanes {
     return vec4f(samples[first].y, samples[first + 1u].y, samples[first + 2u].y, samples[first + 3u].y);
 }
 
-fn smaller_id(node: u32, than: LanesU) -> LanesB {
+// Where nothing was met, there is no id.
+fn smaller_id(node: u32, met: LanesU) -> LanesB {
+    let than = select(met, LanesU(node), met == LanesU(NONE));
     return vec4<bool>(
         id_of(node) < id_of(than.x), id_of(node) < id_of(than.y), id_of(node) < id_of(than.z), id_of(node) < id_of(than.w));
 }
@@ -31,4 +33,12 @@ fn store_hits(first: u32, depth: Lanes, node: LanesU) {
     hits[first + 1u] = vec2u(bits.y, node.y);
     hits[first + 2u] = vec2u(bits.z, node.z);
     hits[first + 3u] = vec2u(bits.w, node.w);
+}
+
+fn load_hits(first: u32) -> Found {
+    let a = hits[first];
+    let b = hits[first + 1u];
+    let c = hits[first + 2u];
+    let d = hits[first + 3u];
+    return Found(bitcast<vec4f>(vec4u(a.x, b.x, c.x, d.x)), vec4u(a.y, b.y, c.y, d.y));
 }

@@ -27,8 +27,8 @@ use crate::scene::light::Lighting;
 pub use device::{AdapterInfo, Gpu, Kind, Options, adapters};
 use film::Film;
 pub use resident::Resident;
-use shader::Sampling;
-pub use shader::Tiling;
+use shader::{Sampling, Walk};
+pub use shader::{Tiling, Tilings};
 
 /// What a band of a picture should take at most, so that a display on the same card stays alive.
 const BAND: Duration = Duration::from_millis(50);
@@ -36,11 +36,32 @@ const BAND: Duration = Duration::from_millis(50);
 const BAND_ROWS: u32 = 16;
 
 /// What the kernels of a pass need.
+#[derive(Clone)]
 struct Kernels {
     find_hits: wgpu::ComputePipeline,
-    shade: wgpu::ComputePipeline,
+    /// Goes on with tiles that were laid aside, if any are.
+    go_on: Option<wgpu::ComputePipeline>,
+    /// None where only hits are asked for.
+    shade: Option<wgpu::ComputePipeline>,
     samples: u32,
-    tiling: Tiling,
+    tilings: Tilings,
+}
+
+/// What a pass does to find hits.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Work {
+    /// Tiles of the picture.
+    pub tiles: u64,
+    /// Steps of the walk, of all tiles: each takes several leaves, or several nodes.
+    pub steps: u64,
+    /// Steps of the tile that has most.
+    pub most_steps: u64,
+    /// Leaves whose particles were projected.
+    pub leaves: u64,
+    /// Nodes whose children were projected.
+    pub nodes: u64,
+    /// Tests of a sample against a particle.
+    pub tests: u64,
 }
 
 /// Renders one picture of a scene that is on the card, pass by pass.
@@ -49,14 +70,17 @@ pub struct Renderer<'a> {
     scene: &'a Scene,
     view: View,
     settings: Settings,
-    tiling: Tiling,
+    /// Others than those for the number of samples.
+    tilings: Option<Tilings>,
     film: Film,
     samples_done: u32,
     nearness: Nearness,
+    /// Kernels that were made, for which sampling and which light.
+    made: Vec<(Kernels, Sampling, &'static str)>,
     /// Rows that the next band takes.
     rows: u32,
-    /// The last pass that was submitted as a whole.
-    submitted: Option<wgpu::SubmissionIndex>,
+    /// The last pass that was submitted as a whole, and when.
+    submitted: Option<(wgpu::SubmissionIndex, Instant)>,
 }
 
 impl<'a> Renderer<'a> {
@@ -70,24 +94,25 @@ impl<'a> Renderer<'a> {
     ) -> Result<Self> {
         settings.check()?;
         let view = camera.view(scene.structure().origin(), settings.width, settings.height)?;
-        let film = Film::new(resident.gpu(), settings)?;
+        let film = Film::new(resident.gpu(), resident, settings)?;
         Ok(Self {
             resident,
             scene,
             view,
             settings: *settings,
-            tiling: Tiling::default(),
+            tilings: None,
             film,
             samples_done: 0,
             nearness: Nearness::NONE,
+            made: Vec::new(),
             rows: BAND_ROWS,
             submitted: None,
         })
     }
 
     /// Uses tiles of another shape. The picture stays the same.
-    pub fn with_tiling(self, tiling: Tiling) -> Self {
-        Self { tiling, ..self }
+    pub fn with_tilings(self, tilings: Tilings) -> Self {
+        Self { tilings: Some(tilings), ..self }
     }
 
     /// Whether every pixel has all its samples.
@@ -99,8 +124,7 @@ impl<'a> Renderer<'a> {
     pub fn restart(&mut self, camera: &Camera) -> Result<()> {
         let Settings { width, height, .. } = self.settings;
         self.view = camera.view(self.scene.structure().origin(), width, height)?;
-        self.samples_done = 0;
-        self.nearness = Nearness::NONE;
+        self.restart_counts();
         Ok(())
     }
 
@@ -159,28 +183,103 @@ impl<'a> Renderer<'a> {
         timer.secs(gpu).map(Some)
     }
 
-    fn kernels(&self, samples: u32, progress: &dyn Progress) -> Result<Kernels> {
-        let sampling =
-            Sampling { samples, perspective: self.view.perspective, tiling: self.tiling.of(samples) };
-        let shade = match self.scene.lighting {
+    /// What the walk of the first pass does: counts of all tiles if none is laid aside. None if one band is too little for it.
+    pub fn count_work(&mut self, progress: &dyn Progress) -> Result<Option<Work>> {
+        let Settings { width, height, samples, seed, .. } = self.settings;
+        let gpu = self.resident.gpu();
+        let Some(added) = Samples::after(0, samples, seed) else {
+            return Ok(None);
+        };
+        if self.film.band_rows(gpu, added.count)? < height {
+            return Ok(None);
+        }
+        self.restart_counts();
+        let sampling = self.sampling(added.count);
+        let text = self.resident.shape().tiles(sampling, Walk::Counted);
+        let layout = &self.resident.walk_layouts()[0];
+        let find_hits = gpu.pipeline(text, "find_hits", layout, progress)?;
+        let tilings = sampling.tilings;
+        let kernels = Kernels { find_hits, go_on: None, shade: None, samples: added.count, tilings };
+        let pass = self.pass_record(&added);
+        self.film.set_samples(gpu, &added);
+        self.film.set_pass(gpu, &pass);
+        self.film.submit_band(gpu, self.resident, &kernels, height, None)?;
+        let mut work = Work::default();
+        let tile = tilings.first.tile;
+        self.film.read_hits(gpu, |hits| {
+            let pixels = hits.chunks_exact(added.count as usize).take(width as usize * height as usize);
+            for (pixel, hits) in (0..).zip(pixels) {
+                let told = u64::from(hits[0].node);
+                work.tests += u64::from(hits[0].depth.to_bits());
+                match (pixel % width % tile[0], pixel / width % tile[1]) {
+                    (0, 0) => {
+                        work.steps += told;
+                        work.most_steps = work.most_steps.max(told);
+                    }
+                    (1, 0) => work.leaves += told,
+                    (2, 0) => work.nodes += told,
+                    _ => {}
+                }
+            }
+        })?;
+        // Each thread has told of the first sample of its pixel, for all that it has.
+        work.tests *= u64::from(added.count);
+        work.tiles = u64::from(width.div_ceil(tile[0])) * u64::from(height.div_ceil(tile[1]));
+        Ok(Some(work))
+    }
+
+    /// As without samples.
+    fn restart_counts(&mut self) {
+        self.samples_done = 0;
+        self.nearness = Nearness::NONE;
+    }
+
+    fn sampling(&self, samples: u32) -> Sampling {
+        let tilings = self.tilings.unwrap_or_else(|| Tilings::of(samples));
+        Sampling { samples, perspective: self.view.perspective, tilings }
+    }
+
+    /// Makes the kernels that the picture needs, so that passes do not wait for them.
+    pub fn prepare(&mut self, progress: &dyn Progress) -> Result<()> {
+        let Settings { samples, seed, .. } = self.settings;
+        let mut done = 0;
+        while let Some(added) = Samples::after(done, samples, seed) {
+            self.kernels(added.count, progress)?;
+            done += added.count;
+        }
+        Ok(())
+    }
+
+    fn kernels(&mut self, samples: u32, progress: &dyn Progress) -> Result<Kernels> {
+        let sampling = self.sampling(samples);
+        let light = match self.scene.lighting {
             Lighting::Studio(..) => "shade_studio",
             Lighting::Headlight | Lighting::Flat => "shade_open",
         };
+        // Texts are long: those of a picture are not put together for every pass.
+        let is_made = |(kernels, of, with): &&(Kernels, Sampling, &str)| {
+            kernels.samples == samples && *of == sampling && *with == light
+        };
+        if let Some((kernels, ..)) = self.made.iter().find(is_made) {
+            return Ok(kernels.clone());
+        }
         let shape = self.resident.shape();
         let gpu = self.resident.gpu();
-        let layout = self.resident.pass_layout();
-        Ok(Kernels {
-            find_hits: gpu.pipeline(shape.tiles(sampling), "find_hits", layout, progress)?,
-            // Light is the same for every shape of tiles.
-            shade: gpu.pipeline(
-                shape.shade(Sampling { tiling: Tiling::default().of(samples), ..sampling }),
-                shade,
-                layout,
-                progress,
-            )?,
+        let [first, second] = self.resident.walk_layouts();
+        let mut go_on = None;
+        if sampling.tilings.patience > 0 {
+            let text = shape.tiles(sampling, Walk::Second);
+            go_on = Some(gpu.pipeline(text, "find_hits", second, progress)?);
+        }
+        let kernels = Kernels {
+            find_hits: gpu.pipeline(shape.tiles(sampling, Walk::First), "find_hits", first, progress)?,
+            go_on,
+            shade: Some(gpu.pipeline(shape.shade(sampling), light, self.resident.pass_layout(), progress)?),
             samples,
-            tiling: sampling.tiling,
-        })
+            tilings: sampling.tilings,
+        };
+        self.made.push((kernels.clone(), sampling, light));
+        Ok(kernels)
     }
 
     /// What all bands of a pass have in common.
@@ -237,8 +336,12 @@ impl<'a> Renderer<'a> {
                 } else if time > BAND {
                     self.rows = (rows / 2).next_multiple_of(BAND_ROWS).max(BAND_ROWS);
                 }
-            } else if let Some(before) = self.submitted.replace(submitted) {
+            } else if let Some((before, since)) = self.submitted.replace((submitted, start)) {
                 gpu.wait(before)?;
+                // Two are on their way at one time.
+                if since.elapsed() > 2 * BAND {
+                    (self.rows, self.submitted) = ((rows / 2).next_multiple_of(BAND_ROWS), None);
+                }
             }
             row += rows;
             progress.advance(u64::from(width) * u64::from(rows) * u64::from(kernels.samples));
@@ -256,6 +359,7 @@ pub fn render(
     progress: &dyn Progress,
 ) -> Result<Image> {
     let mut renderer = Renderer::new(resident, scene, camera, settings)?;
+    renderer.prepare(progress)?;
     let pixels = u64::from(settings.width) * u64::from(settings.height);
     progress.begin("render", Some(pixels * u64::from(settings.samples)), "samples");
     while !renderer.is_done() {

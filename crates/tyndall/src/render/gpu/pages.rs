@@ -21,14 +21,14 @@ pub(super) struct Pages {
 }
 
 impl Pages {
-    /// How many pages `bytes` need where a binding may have `binding_bytes`.
-    pub(super) fn count(bytes: u64, binding_bytes: u64) -> u64 {
-        bytes.div_ceil(ELEMENT_BYTES << shift(binding_bytes)).max(1)
+    /// How many pages `bytes` need of at most `page_bytes`.
+    pub(super) fn count(bytes: u64, page_bytes: u64) -> u64 {
+        bytes.div_ceil(ELEMENT_BYTES << shift(page_bytes)).max(1)
     }
 
     /// Copies `bytes` to the card. The end is filled up to whole elements; an empty array has one element.
     pub(super) fn upload(gpu: &Gpu, label: &str, bytes: &[u8], progress: &dyn Progress) -> Result<Self> {
-        let shift = shift(gpu.binding_bytes());
+        let shift = shift(gpu.page_bytes());
         let page_bytes = (ELEMENT_BYTES << shift) as usize;
         let mut pages = Self { buffers: Vec::new(), shift };
         let nothing = [0_u8; ELEMENT_BYTES as usize];
@@ -84,9 +84,9 @@ pub(super) fn declare(name: &str, first_binding: usize, count: usize, shift: u32
     text
 }
 
-/// Binary logarithm of how many elements a binding may have, no more than an index can name.
-fn shift(binding_bytes: u64) -> u32 {
-    (binding_bytes / ELEMENT_BYTES).max(1).ilog2().min(31)
+/// Binary logarithm of how many elements a page may have, no more than an index can name.
+fn shift(page_bytes: u64) -> u32 {
+    (page_bytes / ELEMENT_BYTES).max(1).ilog2().min(31)
 }
 
 #[cfg(test)]

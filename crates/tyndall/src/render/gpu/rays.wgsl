@@ -1,34 +1,13 @@
 // Single rays through the hierarchy: nearest hit and any hit, a thread each. Twin of structure/bvh/rays.rs.
+//
+// Since a child's place follows from its parent's, and the parent's from that of any node below, no place is kept on a stack: only which
+// children are left to visit, of each level. An any hit needs a bit a child, which fits registers; a nearest hit needs the distance of each,
+// in order.
 
-// Entries that the deepest hierarchy can leave on the stack when the nearest child is followed at once: seven a level.
+// Entries that the deepest hierarchy can leave when the nearest child is followed at once: seven a level.
 const RAY_STACK: u32 = 7u * LEVELS + 1u;
-
-struct RayEntry {
-    near: f32,
-    place: u32,
-}
-
-var<private> ray_stack: array<RayEntry, RAY_STACK>;
-var<private> ray_stack_size: u32;
-
-// The child to follow next; the others lie on the stack.
-var<private> followed: RayEntry;
-
-// Follows the child at once if it is the nearest so far, else keeps it for later.
-fn visit(near: f32, is_met: bool, place: u32) {
-    if !is_met {
-        return;
-    }
-    var later = RayEntry(near, place);
-    if near < followed.near {
-        later = followed;
-        followed = RayEntry(near, place);
-    }
-    if later.place != NONE {
-        ray_stack[ray_stack_size] = later;
-        ray_stack_size++;
-    }
-}
+// What is no child.
+const MISSED: u32 = 0xffffffffu;
 
 // Where a ray enters and leaves four slabs along one axis.
 struct Slabs {
@@ -41,40 +20,45 @@ fn four_bytes(word: u32) -> vec4f {
     return vec4f((vec4u(word) >> vec4u(0u, 8u, 16u, 24u)) & vec4u(255u));
 }
 
-fn cross_axis(lower: u32, upper: u32, step: f32, to_corner: f32, inv_direction: f32, margin: f32) -> Slabs {
-    let give = (HIT_ROUNDING * (abs(to_corner) + 256.0 * step) + margin) * abs(inv_direction);
-    let scale = step * inv_direction;
-    let shift = to_corner * inv_direction;
+fn cross_axis(lower: u32, upper: u32, scale: f32, shift: f32, give: f32) -> Slabs {
     let a = four_bytes(lower) * scale + shift;
     let b = four_bytes(upper) * scale + shift;
     return Slabs(min(a, b) - give, max(a, b) + give);
 }
 
-// Meets the eight boxes of a node, and pushes those that the ray is in before `t_far`.
-fn visit_children(ray: Ray, inv_direction: vec3f, place: u32, t_far: f32) {
+// Which children of a node a ray meets before `t_far`: where it enters their boxes, or FAR.
+struct Children {
+    lower: vec4f,
+    upper: vec4f,
+}
+
+fn cross_children(ray: Ray, inv_direction: vec3f, place: u32, t_far: f32) -> Children {
     let at = node_at(place);
     let head = nodes(at);
-    let steps = steps_of(head.w);
-    let to_corner = bitcast<vec3f>(head.xyz) - ray.origin;
     let x = nodes(at + 1u);
     let y = nodes(at + 2u);
     let z = nodes(at + 3u);
-    let below = place_of(level_of(place) - 1u, 8u * index_of(place));
-    let count = children_of(place);
-    for (var half = 0u; half < 2u; half++) {
-        let slabs_x = cross_axis(select(x.x, x.y, half == 1u), select(x.z, x.w, half == 1u), steps.x, to_corner.x, inv_direction.x, bvh.slack);
-        let slabs_y = cross_axis(select(y.x, y.y, half == 1u), select(y.z, y.w, half == 1u), steps.y, to_corner.y, inv_direction.y, bvh.slack);
-        let slabs_z = cross_axis(select(z.x, z.y, half == 1u), select(z.z, z.w, half == 1u), steps.z, to_corner.z, inv_direction.z, bvh.slack);
-        let enter = max(max(slabs_x.enter, slabs_y.enter), max(slabs_z.enter, vec4f(ray.t_min)));
-        let leave = min(min(slabs_x.leave, slabs_y.leave), min(slabs_z.leave, vec4f(t_far)));
-        let exists = vec4u(0u, 1u, 2u, 3u) + vec4u(4u * half) < vec4u(count);
-        let is_met = (enter <= leave) & exists;
-        let child = below + 4u * half;
-        visit(enter.x, is_met.x, child);
-        visit(enter.y, is_met.y, child + 1u);
-        visit(enter.z, is_met.z, child + 2u);
-        visit(enter.w, is_met.w, child + 3u);
-    }
+    let steps = steps_of(head.w);
+    let to_corner = bitcast<vec3f>(head.xyz) - ray.origin;
+    let give = (HIT_ROUNDING * (abs(to_corner) + 256.0 * steps) + vec3f(bvh.slack)) * abs(inv_direction);
+    let scale = steps * inv_direction;
+    let shift = to_corner * inv_direction;
+    let count = vec4u(children_of(place));
+
+    let x0 = cross_axis(x.x, x.z, scale.x, shift.x, give.x);
+    let y0 = cross_axis(y.x, y.z, scale.y, shift.y, give.y);
+    let z0 = cross_axis(z.x, z.z, scale.z, shift.z, give.z);
+    let enter0 = max(max(x0.enter, y0.enter), max(z0.enter, vec4f(ray.t_min)));
+    let leave0 = min(min(x0.leave, y0.leave), min(z0.leave, vec4f(t_far)));
+    let met0 = (enter0 <= leave0) & (vec4u(0u, 1u, 2u, 3u) < count);
+
+    let x1 = cross_axis(x.y, x.w, scale.x, shift.x, give.x);
+    let y1 = cross_axis(y.y, y.w, scale.y, shift.y, give.y);
+    let z1 = cross_axis(z.y, z.w, scale.z, shift.z, give.z);
+    let enter1 = max(max(x1.enter, y1.enter), max(z1.enter, vec4f(ray.t_min)));
+    let leave1 = min(min(x1.leave, y1.leave), min(z1.leave, vec4f(t_far)));
+    let met1 = (enter1 <= leave1) & (vec4u(4u, 5u, 6u, 7u) < count);
+    return Children(select(vec4f(FAR), enter0, met0), select(vec4f(FAR), enter1, met1));
 }
 
 // Four neighbors of a leaf.
@@ -166,39 +150,97 @@ fn nearer(met: Met, t: f32, node: u32, except: u32) -> Met {
     return Met(t, node);
 }
 
-// The particle that the ray enters first, not counting the one at node `except`.
+// Four children as sorting keys: the distance's bits, of which the lowest three are the child. Rounded down: nothing is lost.
+fn keys_of(enter: vec4f, first: u32) -> vec4u {
+    let keys = (bitcast<vec4u>(max(enter, vec4f(0.0))) & vec4u(~7u)) | (vec4u(first) + vec4u(0u, 1u, 2u, 3u));
+    return select(keys, vec4u(MISSED), enter == vec4f(FAR));
+}
+
+var<private> ray_stack: array<u32, RAY_STACK>;
+
+// The particle that the ray enters first, not counting the one at node `except`. Its t_min is not negative.
 fn intersect(ray: Ray, except: u32) -> Met {
     var met = Met(ray.t_max, NONE);
     let inverse = inv_direction(ray.direction);
-    ray_stack_size = 0u;
-    var place = place_of(bvh.top, 0u);
+    // How many children are left to visit, of each level: four bits.
+    var left = vec2u(0u);
+    var size = 0u;
+    var level = bvh.top;
+    var index = 0u;
     var is_on = bvh.top > 0u;
     while is_on {
-        if level_of(place) == 0u {
-            let leaf = index_of(place);
+        var is_down = false;
+        if level > 0u {
+            let children = cross_children(ray, inverse, place_of(level, index), met.t);
+            let a = keys_of(children.lower, 0u);
+            let b = keys_of(children.upper, 4u);
+            // Batcher's network for eight: pairs, fours, eights.
+            let p = min(a.xz, a.yw);
+            let q = max(a.xz, a.yw);
+            let r = min(b.xz, b.yw);
+            let s = max(b.xz, b.yw);
+            let low_a = vec2u(min(p.x, p.y), max(p.x, p.y));
+            let high_a = vec2u(min(q.x, q.y), max(q.x, q.y));
+            let low_b = vec2u(min(r.x, r.y), max(r.x, r.y));
+            let high_b = vec2u(min(s.x, s.y), max(s.x, s.y));
+            let k0 = vec4u(low_a.x, min(low_a.y, high_a.x), max(low_a.y, high_a.x), high_a.y);
+            let k1 = vec4u(low_b.x, min(low_b.y, high_b.x), max(low_b.y, high_b.x), high_b.y);
+            // Two sorted fours, of which one is turned around, are halves of a sequence that rises and falls.
+            let turned = k1.wzyx;
+            var near = min(k0, turned);
+            var far = max(k0, turned);
+            near = vec4u(min(near.xy, near.zw), max(near.xy, near.zw));
+            near = vec4u(min(near.x, near.y), max(near.x, near.y), min(near.z, near.w), max(near.z, near.w));
+            far = vec4u(min(far.xy, far.zw), max(far.xy, far.zw));
+            far = vec4u(min(far.x, far.y), max(far.x, far.y), min(far.z, far.w), max(far.z, far.w));
+            if near.x != MISSED {
+                let before = size;
+                if near.y != MISSED {
+                    // The farthest lies lowest.
+                    if far.w != MISSED { ray_stack[size] = far.w; size++; }
+                    if far.z != MISSED { ray_stack[size] = far.z; size++; }
+                    if far.y != MISSED { ray_stack[size] = far.y; size++; }
+                    if far.x != MISSED { ray_stack[size] = far.x; size++; }
+                    if near.w != MISSED { ray_stack[size] = near.w; size++; }
+                    if near.z != MISSED { ray_stack[size] = near.z; size++; }
+                    ray_stack[size] = near.y;
+                    size++;
+                }
+                let count = size - before;
+                let shift = 4u * (level & 7u);
+                left |= select(vec2u(count << shift, 0u), vec2u(0u, count << shift), level > 7u);
+                index = 8u * index + (near.x & 7u);
+                level--;
+                is_down = true;
+            }
+        } else {
             for (var part = 0u; part < 4u; part++) {
-                let node = 16u * leaf + 4u * part;
-                let t = enter_four(ray, four_of(leaf, part));
+                let node = 16u * index + 4u * part;
+                let t = enter_four(ray, four_of(index, part));
                 met = nearer(met, t.x, node, except);
                 met = nearer(met, t.y, node + 1u, except);
                 met = nearer(met, t.z, node + 2u, except);
                 met = nearer(met, t.w, node + 3u, except);
             }
-            followed = RayEntry(FAR, NONE);
-        } else {
-            followed = RayEntry(FAR, NONE);
-            visit_children(ray, inverse, place, met.t);
         }
-        // What lies behind the nearest hit is hidden.
-        while followed.place == NONE && ray_stack_size > 0u {
-            ray_stack_size--;
-            let entry = ray_stack[ray_stack_size];
-            if entry.near <= met.t {
-                followed = entry;
+        // Up to the lowest level that has a child left. What lies behind the nearest hit is hidden, and so is what lies behind that.
+        while !is_down && size > 0u {
+            let is_low = left.x != 0u;
+            let word = select(left.y, left.x, is_low);
+            let place = firstTrailingBit(word) >> 2u;
+            let parent = place + select(8u, 0u, is_low);
+            let key = ray_stack[size - 1u];
+            let count = (word >> (4u * place)) & 15u;
+            is_down = bitcast<f32>(key & ~7u) <= met.t;
+            let taken = select(count, 1u, is_down);
+            size -= taken;
+            left -= select(vec2u(0u, taken << (4u * place)), vec2u(taken << (4u * place), 0u), is_low);
+            if is_down {
+                index = 8u * (index >> (3u * (parent - level))) + (key & 7u);
+                level = parent - 1u;
             }
         }
-        is_on = followed.place != NONE;
-        place = followed.place;
+        is_on = is_down;
     }
     return met;
 }
@@ -206,30 +248,44 @@ fn intersect(ray: Ray, except: u32) -> Met {
 // Whether the ray enters any particle but the one at node `except`.
 fn occluded(ray: Ray, except: u32) -> bool {
     let inverse = inv_direction(ray.direction);
-    ray_stack_size = 0u;
-    var place = place_of(bvh.top, 0u);
-    while true {
-        followed = RayEntry(FAR, NONE);
-        if level_of(place) == 0u {
-            let leaf = index_of(place);
+    // Which children are left to visit, of each level: eight bits, from level 1 on.
+    var left = vec3u(0u);
+    var level = bvh.top;
+    var index = 0u;
+    while level <= bvh.top {
+        if level == 0u {
             for (var part = 0u; part < 4u; part++) {
-                let nodes_of = vec4u(16u * leaf + 4u * part) + vec4u(0u, 1u, 2u, 3u);
-                let t = enter_four(ray, four_of(leaf, part));
-                if any((t < vec4f(FAR)) & (nodes_of != vec4u(except)) & (nodes_of < vec4u(bvh.particles))) {
+                let own = vec4u(16u * index + 4u * part) + vec4u(0u, 1u, 2u, 3u);
+                let t = enter_four(ray, four_of(index, part));
+                if any((t < vec4f(FAR)) & (own != vec4u(except)) & (own < vec4u(bvh.particles))) {
                     return true;
                 }
             }
         } else {
-            visit_children(ray, inverse, place, ray.t_max);
+            let children = cross_children(ray, inverse, place_of(level, index), ray.t_max);
+            let lower = select(vec4u(0u), vec4u(1u, 2u, 4u, 8u), children.lower < vec4f(FAR));
+            let upper = select(vec4u(0u), vec4u(16u, 32u, 64u, 128u), children.upper < vec4f(FAR));
+            let sums = lower + upper;
+            let mask = (sums.x + sums.y + sums.z + sums.w) << (8u * ((level - 1u) & 3u));
+            left |= select(select(vec3u(0u, 0u, mask), vec3u(0u, mask, 0u), level < 9u), vec3u(mask, 0u, 0u), level < 5u);
         }
-        if followed.place == NONE {
-            if ray_stack_size == 0u {
-                return false;
-            }
-            ray_stack_size--;
-            followed = ray_stack[ray_stack_size];
+        // To a child of the lowest level that has one left.
+        var word = left.x;
+        var first = 1u;
+        if left.x == 0u {
+            word = select(left.z, left.y, left.y != 0u);
+            first = select(9u, 5u, left.y != 0u);
         }
-        place = followed.place;
+        if word == 0u {
+            return false;
+        }
+        let bit = firstTrailingBit(word);
+        let parent = first + (bit >> 3u);
+        let rest = word & (word - 1u);
+        left = vec3u(
+            select(left.x, rest, first == 1u), select(left.y, rest, first == 5u), select(left.z, rest, first == 9u));
+        index = 8u * (index >> (3u * (parent - level))) + (bit & 7u);
+        level = parent - 1u;
     }
     return false;
 }

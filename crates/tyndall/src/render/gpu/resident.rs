@@ -13,7 +13,7 @@ use crate::structure::bvh::{Arrays, SizeArrays};
 use crate::structure::{Hit, Store, Structure};
 
 /// Storage buffers of a pass besides the scene's.
-const PASS_BUFFERS: u64 = 4;
+const PASS_BUFFERS: u64 = 5;
 /// Rays answered at once; bounds memory and the time of a dispatch.
 const RAYS_AT_ONCE: usize = 1 << 20;
 
@@ -24,6 +24,9 @@ pub struct Resident<'a> {
     group: wgpu::BindGroup,
     pass_bindings: wgpu::BindGroupLayout,
     pass_layout: wgpu::PipelineLayout,
+    /// Of the first and of the second walk.
+    aside_bindings: [wgpu::BindGroupLayout; 2],
+    walk_layouts: [wgpu::PipelineLayout; 2],
     ray_bindings: wgpu::BindGroupLayout,
     ray_layout: wgpu::PipelineLayout,
     bytes: u64,
@@ -81,11 +84,8 @@ impl<'a> Content<'a> {
 
     /// Fails with [`Error::Memory`] if the card cannot hold or bind it.
     fn check(&self, gpu: &Gpu) -> Result<()> {
-        let pages: u64 = self
-            .columns()
-            .iter()
-            .map(|(_, bytes)| Pages::count(bytes.len() as u64, gpu.binding_bytes()))
-            .sum();
+        let pages: u64 =
+            self.columns().iter().map(|(_, bytes)| Pages::count(bytes.len() as u64, gpu.page_bytes())).sum();
         let direct_fits = self.colors.0 != Colors::Direct || self.colors.1.len() <= u32::MAX as usize;
         let elements_fit =
             self.columns().iter().all(|(_, bytes)| bytes.len() as u64 / 16 <= u64::from(u32::MAX));
@@ -169,12 +169,17 @@ impl<'a> Resident<'a> {
             &[Binding::Uniform, Binding::Read, Binding::Written, Binding::Written, Binding::Written],
             5,
         );
+        let aside_bindings = [Binding::Written, Binding::Read].map(|binding| gpu.layout(&[binding], 1));
         let ray_bindings = gpu.layout(&[Binding::Read, Binding::Written], 2);
         Ok(Self {
             gpu,
             shape,
             group,
             pass_layout: gpu.pipeline_layout(&[&pass_bindings, &scene_bindings]),
+            walk_layouts: aside_bindings
+                .each_ref()
+                .map(|aside| gpu.pipeline_layout(&[&pass_bindings, &scene_bindings, aside])),
+            aside_bindings,
             ray_layout: gpu.pipeline_layout(&[&ray_bindings, &scene_bindings]),
             pass_bindings,
             ray_bindings,
@@ -208,6 +213,15 @@ impl<'a> Resident<'a> {
         &self.pass_layout
     }
 
+    /// Bindings of what is laid aside: of the first and of the second walk.
+    pub(super) fn aside_bindings(&self) -> &[wgpu::BindGroupLayout; 2] {
+        &self.aside_bindings
+    }
+
+    pub(super) fn walk_layouts(&self) -> &[wgpu::PipelineLayout; 2] {
+        &self.walk_layouts
+    }
+
     /// What each ray enters first; see [`Structure::intersect`]. `structure` is that of the scene that was loaded.
     pub fn intersect(
         &self,
@@ -229,6 +243,44 @@ impl<'a> Resident<'a> {
             })?;
         }
         Ok(found)
+    }
+
+    /// What the kernel `evaluate` of a text makes of records, a vector each: for tests of formulas.
+    #[cfg(test)]
+    pub(super) fn evaluate(&self, text: String, inputs: &[u8], count: usize) -> Vec<[f32; 4]> {
+        let storage = wgpu::BufferUsages::STORAGE;
+        let usage = storage | wgpu::BufferUsages::COPY_DST;
+        let input = self.gpu.buffer("inputs", inputs.len() as u64, usage).unwrap();
+        self.gpu.write(&input, 0, inputs);
+        let outputs =
+            self.gpu.buffer("outputs", 16 * count as u64, storage | wgpu::BufferUsages::COPY_SRC).unwrap();
+        let group = self.gpu.bind(&self.ray_bindings, &[&input, &outputs]);
+        let submitted = self.dispatch(text, "evaluate", &group, count.div_ceil(64) as u32, &()).unwrap();
+        self.gpu.wait(submitted).unwrap();
+        self.gpu.read(&outputs, 0..outputs.size(), |values: &[[f32; 4]]| values.to_vec()).unwrap()
+    }
+
+    /// Submits a kernel of single rays.
+    fn dispatch(
+        &self,
+        text: String,
+        entry: &'static str,
+        group: &wgpu::BindGroup,
+        groups: u32,
+        progress: &dyn Progress,
+    ) -> Result<wgpu::SubmissionIndex> {
+        let pipeline = self.gpu.pipeline(text, entry, &self.ray_layout, progress)?;
+        let mut encoder = self.gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        {
+            let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
+            pass.set_bind_group(0, group, &[]);
+            pass.set_bind_group(1, &self.group, &[]);
+            pass.set_pipeline(&pipeline);
+            // No dimension may have more than 65535.
+            let across = groups.min(1 << 15);
+            pass.dispatch_workgroups(across, groups.div_ceil(across), 1);
+        }
+        Ok(self.gpu.submit(encoder))
     }
 
     /// Copies rays to the card; at least one.
@@ -263,20 +315,9 @@ impl Batch<'_> {
     }
 
     fn submit(&self, progress: &dyn Progress) -> Result<wgpu::SubmissionIndex> {
-        let Resident { gpu, shape, ray_layout, group, .. } = self.resident;
-        let pipeline = gpu.pipeline(shape.rays(), "intersect_rays", ray_layout, progress)?;
-        let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-        {
-            let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
-            pass.set_bind_group(0, &self.group, &[]);
-            pass.set_bind_group(1, group, &[]);
-            pass.set_pipeline(&pipeline);
-            let groups = self.count.div_ceil(64) as u32;
-            // No dimension may have more than 65535.
-            let across = groups.min(1 << 15);
-            pass.dispatch_workgroups(across, groups.div_ceil(across), 1);
-        }
-        Ok(gpu.submit(encoder))
+        let groups = self.count.div_ceil(64) as u32;
+        let text = self.resident.shape.rays();
+        self.resident.dispatch(text, "intersect_rays", &self.group, groups, progress)
     }
 }
 

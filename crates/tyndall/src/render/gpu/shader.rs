@@ -15,6 +15,8 @@ const PASS: &str = include_str!("pass.wgsl");
 const LANES1: &str = include_str!("lanes1.wgsl");
 const LANES4: &str = include_str!("lanes4.wgsl");
 const BEAM: &str = include_str!("beam.wgsl");
+const FIRST: &str = include_str!("first.wgsl");
+const SECOND: &str = include_str!("second.wgsl");
 const TILES: &str = include_str!("tiles.wgsl");
 const SHADE: &str = include_str!("shade.wgsl");
 const RAYS: &str = include_str!("rays.wgsl");
@@ -25,7 +27,7 @@ const INTERSECT: &str = include_str!("intersect.wgsl");
 pub struct Tiling {
     /// Pixels of a tile, across and down; powers of two.
     pub tile: [u32; 2],
-    /// Threads that share a pixel's samples: 1, 4 or 16, no more than there are samples.
+    /// Threads of a pixel: 1, 4 or 16. Where it has fewer samples, the others help to walk.
     pub split: u32,
     /// Nodes whose children are tested at once, at most an eighth of the threads.
     pub nodes: u32,
@@ -36,17 +38,44 @@ impl Tiling {
     pub fn threads(&self) -> u32 {
         self.tile[0] * self.tile[1] * self.split
     }
+}
 
-    /// The same for so many samples.
-    pub(super) fn of(self, samples: u32) -> Self {
-        Self { split: self.split.min(samples), ..self }
+/// How the tile sample buffer is walked.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct Tilings {
+    /// The tiles of a picture.
+    pub first: Tiling,
+    /// After so many steps a tile is laid aside, and goes on in parts, so that nobody waits for a single one; 0: never.
+    pub patience: u32,
+    /// The parts of what was laid aside: no larger than a tile.
+    pub second: Tiling,
+}
+
+impl Tilings {
+    /// What was fastest on an H200, by samples a pixel.
+    pub fn of(samples: u32) -> Self {
+        let first = match samples {
+            16.. => Tiling { tile: [8, 4], split: 4, nodes: 8 },
+            _ => Tiling { tile: [8, 8], split: 1, nodes: 4 },
+        };
+        Self { first, patience: 96, second: Tiling { tile: [4, 4], split: 4, nodes: 8 } }
+    }
+
+    /// How many parts a tile has, across and down.
+    pub(super) fn parts(&self) -> [u32; 2] {
+        [0, 1].map(|axis| (self.first.tile[axis] / self.second.tile[axis]).max(1))
     }
 }
 
-impl Default for Tiling {
-    fn default() -> Self {
-        Self { tile: [8, 8], split: 1, nodes: 8 }
-    }
+/// What a walk begins with.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Walk {
+    /// The root, for every tile; some are laid aside.
+    First,
+    /// What the first walk has found, for parts of what was laid aside.
+    Second,
+    /// As the first, to the end; tells what it did instead of what it found.
+    Counted,
 }
 
 /// How a scene's arrays are laid out.
@@ -84,14 +113,47 @@ pub(super) struct Sampling {
     /// 16, 4 or 1 a pixel.
     pub(super) samples: u32,
     pub(super) perspective: bool,
-    pub(super) tiling: Tiling,
+    pub(super) tilings: Tilings,
 }
+
+/// How many tiles can be laid aside at one time: as many as a dispatch may have workgroups.
+pub(super) const MOST_ASIDE: u32 = 65535;
 
 impl Shape {
     /// The kernel of the tile sample buffer.
-    pub(super) fn tiles(&self, sampling: Sampling) -> String {
-        let lanes = if sampling.samples / sampling.tiling.split == 1 { LANES1 } else { LANES4 };
-        self.head(sampling) + &[MATH, BVH, CAMERA, PASS, lanes, BEAM, TILES].join("\n")
+    pub(super) fn tiles(&self, sampling: Sampling, walk: Walk) -> String {
+        let Sampling { samples, tilings, .. } = sampling;
+        let mut head = self.head(sampling);
+        let tiling = if walk == Walk::Second { tilings.second } else { tilings.first };
+        let own_samples = (samples / tiling.split).max(1);
+        let lanes = if own_samples == 1 { LANES1 } else { LANES4 };
+        let [across, down] = tilings.parts();
+        let patience = if walk == Walk::First { tilings.patience } else { 0 };
+        let threads = tiling.threads();
+        let nodes = tiling.nodes.min(threads / 8);
+        for (name, value) in [
+            ("TILE_W", tiling.tile[0]),
+            ("TILE_H", tiling.tile[1]),
+            ("SPLIT", tiling.split),
+            ("THREADS", threads),
+            ("OWN_SAMPLES", own_samples),
+            // Vectors of samples that a thread has.
+            ("GROUPS", own_samples.div_ceil(4)),
+            ("NODES", nodes),
+            ("LEAVES", threads / 16),
+            // At most the children of the nodes of one step lie on the stack, of each level.
+            ("STACK", 8 * nodes * self.levels + 1),
+            ("PATIENCE", patience),
+            ("MOST_ASIDE", MOST_ASIDE),
+            ("PARTS_ACROSS", across),
+            ("PARTS_DOWN", down),
+        ] {
+            head += &format!("const {name}: u32 = {value}u;\n");
+        }
+        head += &format!("const IS_SECOND: bool = {};\n", walk == Walk::Second);
+        head += &format!("const COUNTED: bool = {};\n", walk == Walk::Counted);
+        let begin = if walk == Walk::Second { SECOND } else { FIRST };
+        head + &[MATH, BVH, CAMERA, PASS, lanes, BEAM, begin, TILES].join("\n")
     }
 
     /// The kernels that light the samples.
@@ -101,17 +163,19 @@ impl Shape {
 
     /// The kernel of single rays.
     pub(super) fn rays(&self) -> String {
-        self.formulas() + &[RAYS, INTERSECT].join("\n")
+        // They depend on no picture.
+        let sampling = Sampling { samples: 1, perspective: false, tilings: Tilings::of(1) };
+        self.head(sampling) + &[MATH, BVH, RAYS, INTERSECT].join("\n")
     }
 
     /// The formulas without any kernel.
-    pub(super) fn formulas(&self) -> String {
-        let sampling = Sampling { samples: 1, perspective: false, tiling: Tiling::default() };
-        self.head(sampling) + &[MATH, BVH, ""].join("\n")
+    #[cfg(test)]
+    pub(super) fn formulas(&self, sampling: Sampling) -> String {
+        self.head(sampling) + &[MATH, BVH, CAMERA, BEAM, ""].join("\n")
     }
 
     fn head(&self, sampling: Sampling) -> String {
-        let Sampling { samples, perspective, tiling } = sampling;
+        let Sampling { samples, perspective, .. } = sampling;
         let mut head = String::new();
         let mut number = |name: &str, value: u32| {
             // Writing to a string cannot fail.
@@ -137,16 +201,6 @@ impl Shape {
         number("NONE", layout::NONE);
         number("LEVELS", self.levels);
         number("SAMPLES", samples);
-        number("TILE_W", tiling.tile[0]);
-        number("TILE_H", tiling.tile[1]);
-        number("SPLIT", tiling.split);
-        number("THREADS", tiling.threads());
-        // Vectors of samples that a thread has.
-        number("GROUPS", (samples / tiling.split).div_ceil(4));
-        number("NODES", tiling.nodes);
-        number("LEAVES", tiling.threads() / 16);
-        // At most the children of the nodes of one step lie on the stack, of each level.
-        number("STACK", 8 * tiling.nodes * self.levels + 1);
         _ = writeln!(head, "const PERSPECTIVE: bool = {perspective};");
         _ = writeln!(head, "const HIT_ROUNDING: f32 = {HIT_ROUNDING:e};");
         head + &self.arrays

@@ -15,6 +15,8 @@ const HALF_TILE: vec2f = 0.5 * vec2f(f32(TILE_W), f32(TILE_H));
 // Subtrees still to be walked: the nearest depth's bits, of which the lowest four are the tile's quarters, and the place.
 var<workgroup> stack: array<vec2u, STACK>;
 var<workgroup> stack_size: u32;
+// Whether the second walk goes on with the tile.
+var<workgroup> is_aside: bool;
 // Deepest sample of each quarter.
 var<workgroup> deepest: array<atomic<u32>, 8>;
 // Which of the topmost entries can still matter, and which of those are leaves.
@@ -62,6 +64,14 @@ fn rays_of(first: u32, corner: vec2f) -> Rays {
     return Rays(x, y, z);
 }
 
+// What a walk did: tests of a thread's samples against a particle; steps, leaves and nodes of the tile.
+struct Work {
+    tests: u32,
+    steps: u32,
+    leaves: u32,
+    nodes: u32,
+}
+
 // Tests a particle against a group of samples and keeps what is nearer; equally near, the smaller id. enter_sphere on lanes.
 fn test(found: Found, rays: Rays, center: vec3f, radius: f32, node: u32) -> Found {
     let view = pass_.view;
@@ -104,7 +114,7 @@ fn count_of(mask: vec2u) -> u32 {
 @compute @workgroup_size(THREADS)
 fn find_hits(@builtin(workgroup_id) tile: vec3u, @builtin(local_invocation_index) thread: u32) {
     let view = pass_.view;
-    let tile_corner = vec2u(TILE_W * tile.x, TILE_H * tile.y + pass_.first_row);
+    let tile_corner = tile_corner_of(tile);
     let beam = beam_of(view, vec2f(tile_corner), 2.0 * HALF_TILE);
     let margin = HIT_ROUNDING * beam.spread + bvh.slack;
 
@@ -112,8 +122,10 @@ fn find_hits(@builtin(workgroup_id) tile: vec3u, @builtin(local_invocation_index
     let in_tile = vec2u((thread / SPLIT) % TILE_W, (thread / SPLIT) / TILE_W);
     let pixel = tile_corner + in_tile;
     let quad = select(0u, 1u, 2u * in_tile.x >= TILE_W) + select(0u, 2u, 2u * in_tile.y >= TILE_H);
-    let inside = pixel.x < pass_.size.x && pixel.y < pass_.size.y;
-    let first = first_sample(pixel) + (thread % SPLIT) * SAMPLES / SPLIT;
+    // With fewer samples than threads of a pixel, some only help to walk.
+    let own_first = (thread % SPLIT) * OWN_SAMPLES;
+    let inside = pixel.x < pass_.size.x && pixel.y < pass_.size.y && own_first < SAMPLES;
+    let first = first_sample(pixel) + min(own_first, SAMPLES - OWN_SAMPLES);
     let corner = pattern_corner(pixel);
     let rays_a = rays_of(first, corner);
     var rays_b = rays_a;
@@ -130,11 +142,24 @@ fn find_hits(@builtin(workgroup_id) tile: vec3u, @builtin(local_invocation_index
     var found_b = open;
     var found_c = open;
     var found_d = open;
-    var own_deepest = select(0.0, FAR, inside);
+    if IS_SECOND && inside {
+        let at = first_hit(pixel) + own_first;
+        found_a = load_hits(at);
+        if GROUPS > 1u {
+            found_b = load_hits(at + 4u);
+            found_c = load_hits(at + 8u);
+            found_d = load_hits(at + 12u);
+        }
+    }
+    var own_deepest = max_of(found_a.depth);
+    if GROUPS > 1u {
+        own_deepest = max(
+            max(own_deepest, max_of(found_b.depth)), max(max_of(found_c.depth), max_of(found_d.depth)));
+    }
 
     // Empty what is gathered, and begin at the root.
     if thread < 4u {
-        atomicStore(&deepest[thread], bitcast<u32>(FAR));
+        atomicStore(&deepest[thread], select(bitcast<u32>(FAR), 0u, IS_SECOND));
         atomicStore(&deepest[4u + thread], 0u);
         atomicStore(&open_entries[thread], 0u);
         atomicStore(&open_leaves[thread], 0u);
@@ -151,8 +176,15 @@ fn find_hits(@builtin(workgroup_id) tile: vec3u, @builtin(local_invocation_index
     if thread == 0u {
         stack[0] = vec2u(15u, place_of(bvh.top, 0u));
         stack_size = select(0u, 1u, bvh.top > 0u);
+        is_aside = false;
+    }
+    if IS_SECOND {
+        workgroupBarrier();
+        atomicMax(&deepest[quad], bitcast<u32>(own_deepest));
     }
 
+    // What the walk does, where that is asked for instead of what it finds.
+    var work = Work(0u, 0u, 0u, 0u);
     // Which copy is in use: of what is looked at, what leaves gather, what nodes gather.
     var turn = 0u;
     var leaf_turn = 0u;
@@ -162,6 +194,15 @@ fn find_hits(@builtin(workgroup_id) tile: vec3u, @builtin(local_invocation_index
         let size = stack_size;
         if size == 0u {
             break;
+        }
+        if PATIENCE > 0u && work.steps == PATIENCE {
+            if thread == 0u {
+                is_aside = lay_aside(tile);
+            }
+            workgroupBarrier();
+            if is_aside {
+                break;
+            }
         }
 
         // Which of the topmost entries can still matter?
@@ -188,11 +229,13 @@ fn find_hits(@builtin(workgroup_id) tile: vec3u, @builtin(local_invocation_index
         let entries = vec2u(atomicLoad(&open_entries[2u * turn]), atomicLoad(&open_entries[2u * turn + 1u]));
         let leaves = vec2u(atomicLoad(&open_leaves[2u * turn]), atomicLoad(&open_leaves[2u * turn + 1u]));
         turn = 1u - turn;
+        work.steps++;
 
         // Leaves first: they lie above all nodes. What is taken, and what is closed above it, leaves the stack.
         let leaf_count = count_of(leaves);
         if leaf_count > 0u {
             let taken = min(leaf_count, LEAVES);
+            work.leaves += taken;
             let others = entries & ~leaves;
             var dropped = min(size, WINDOW);
             if leaf_count > LEAVES {
@@ -254,6 +297,7 @@ fn find_hits(@builtin(workgroup_id) tile: vec3u, @builtin(local_invocation_index
                     let at = 32u * word + firstTrailingBit(mask);
                     mask &= mask - 1u;
                     if sphere_near[at] <= own_deepest {
+                        work.tests++;
                         let ball = sphere[at];
                         let node = sphere_node[at];
                         found_a = test(found_a, rays_a, ball.xyz, ball.w, node);
@@ -287,6 +331,7 @@ fn find_hits(@builtin(workgroup_id) tile: vec3u, @builtin(local_invocation_index
 
         // Eight threads a node, a child each.
         let node_count = min(count_of(entries), NODES);
+        work.nodes += node_count;
         var dropped = min(size, WINDOW);
         if count_of(entries) > NODES {
             dropped = place_of_bit(entries, NODES - 1u) + 1u;
@@ -350,8 +395,15 @@ fn find_hits(@builtin(workgroup_id) tile: vec3u, @builtin(local_invocation_index
         }
     }
 
-    if inside {
-        let at = first_hit(pixel) + (thread % SPLIT) * SAMPLES / SPLIT;
+    if COUNTED {
+        // The tile's first pixels tell one more number each.
+        let place = thread / SPLIT;
+        let of_tile = select(select(work.nodes, work.leaves, place == 1u), work.steps, place == 0u);
+        if inside && own_first == 0u {
+            hits[first_hit(pixel)] = vec2u(work.tests, select(0u, of_tile, place < 3u));
+        }
+    } else if inside {
+        let at = first_hit(pixel) + own_first;
         store_hits(at, found_a.depth, found_a.node);
         if GROUPS > 1u {
             store_hits(at + 4u, found_b.depth, found_b.node);

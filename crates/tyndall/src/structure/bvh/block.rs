@@ -290,6 +290,7 @@ impl Blocks {
     }
 
     /// How they hold their centers.
+    #[cfg(feature = "gpu")]
     pub(super) fn packing(&self) -> Packing {
         match self {
             Self::Exact(_) => Packing::Exact,
@@ -300,6 +301,7 @@ impl Blocks {
     }
 
     /// Their memory as it is.
+    #[cfg(feature = "gpu")]
     pub(super) fn as_bytes(&self) -> &[u8] {
         each_blocks!(self, blocks => bytemuck::cast_slice(blocks))
     }

@@ -6,6 +6,7 @@
 //! `build` sorts the particles and writes all this; `block` and `sizes` are what a leaf holds, `packing_error` what that costs; `rays`
 //! walks it with single rays, `shown` hides particles from all walks; the walks of many rays at once stand in `render::cpu`.
 
+#[cfg(feature = "gpu")]
 mod arrays;
 mod block;
 mod build;
@@ -21,6 +22,7 @@ use glam::Vec3;
 use super::box_slack;
 use crate::math::{Bounds, HIT_ROUNDING};
 use crate::simd::{Lanes3, floats_of_bytes};
+#[cfg(feature = "gpu")]
 pub(crate) use arrays::{Arrays, SizeArrays};
 pub use block::Packing;
 use block::{Blocks, power_of_two, step_exponent};

@@ -8,21 +8,23 @@ use super::{Bvh, LEAF, LEVELS, Node, Place, WIDTH, power_of_two};
 use crate::math::{Bounds, HIT_ROUNDING, Ray};
 use crate::simd::{Lanes3, floats_of_bytes};
 use crate::structure::Hit;
-use crate::structure::search::Search;
+use crate::structure::search::{Observer, Search};
 
 impl Bvh {
     /// See [`crate::structure::Structure::intersect`].
     pub fn intersect(&self, ray: &Ray, except: Option<u32>) -> Option<Hit> {
-        let mut search = Search::nearest(ray, except);
-        dispatch!(Level::new(), simd => walk(simd, self, &mut search));
-        search.found(&self.ids)
+        self.search(Search::nearest(ray, except))
     }
 
     /// See [`crate::structure::Structure::occluded`].
     pub fn occluded(&self, ray: &Ray, except: Option<u32>) -> bool {
-        let mut search = Search::any(ray, except);
+        self.search(Search::any(ray, except)).is_some()
+    }
+
+    /// Ends a search that has begun.
+    pub(in crate::structure) fn search<O: Observer>(&self, mut search: Search<O>) -> Option<Hit> {
         dispatch!(Level::new(), simd => walk(simd, self, &mut search));
-        search.found(&self.ids).is_some()
+        search.found(&self.ids)
     }
 }
 
@@ -58,9 +60,9 @@ impl Entry {
 const STACK: usize = LEVELS * WIDTH;
 
 #[simd]
-fn walk<S: Simd>(simd: S, bvh: &Bvh, search: &mut Search) {
+fn walk<S: Simd, O: Observer>(simd: S, bvh: &Bvh, search: &mut Search<O>) {
     let Some(root) = bvh.root() else { return };
-    let slabs = Slabs::new(simd, (bvh.bounds(), bvh.slack), search);
+    let slabs = Slabs::new(simd, (bvh.bounds(), bvh.slack), search.ray(), search.inv_direction);
     let t_min = search.ray().t_min;
     let mut stack = [Entry(0); STACK];
     let mut top = 0;
@@ -69,6 +71,7 @@ fn walk<S: Simd>(simd: S, bvh: &Bvh, search: &mut Search) {
         let place = next.place();
         if place.level == 0 {
             let leaf = place.index as usize;
+            search.visit(0, LEAF as u64);
             let (t, met) = search.enter(simd, bvh.centers(simd, leaf), bvh.radii(simd, leaf));
             let mut met = met & bvh.shown(leaf);
             while met != 0 {
@@ -80,6 +83,7 @@ fn walk<S: Simd>(simd: S, bvh: &Bvh, search: &mut Search) {
             }
         } else {
             // Meet the eight boxes at once.
+            search.visit(1, 0);
             let (enter, leave) = slabs.cross(simd, bvh.node(place));
             let enter = enter.max(f32x8::splat(simd, t_min));
             let leave = leave.min(f32x8::splat(simd, search.t_far));
@@ -139,9 +143,13 @@ pub(in crate::structure) struct Slabs<S: Simd> {
 impl<S: Simd> Slabs<S> {
     /// For nodes whose boxes lie in `bounds` and are grown by `slack`.
     #[inline(always)]
-    pub(in crate::structure) fn new(simd: S, (bounds, slack): (Bounds, f32), search: &Search) -> Self {
-        let Search { inv_direction, .. } = *search;
-        let (Bounds { min, max }, origin) = (bounds, search.ray().origin);
+    pub(in crate::structure) fn new(
+        simd: S,
+        (bounds, slack): (Bounds, f32),
+        ray: &Ray,
+        inv_direction: Vec3,
+    ) -> Self {
+        let (Bounds { min, max }, origin) = (bounds, ray.origin);
         // No coordinate of a node lies farther: its 255 steps reach less than twice beyond its boxes.
         let farthest = (min - origin).abs().max((max - origin).abs()) + 2.0 * (max - min);
         let give = (HIT_ROUNDING * farthest + slack) * inv_direction;

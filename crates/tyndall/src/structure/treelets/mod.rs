@@ -15,7 +15,7 @@ use glam::Vec3;
 use super::bvh::{Node, Slabs, WIDTH};
 use super::heap::{self, Columns, Heap, Stack};
 use super::pkd;
-use super::search::Search;
+use super::search::{Observer, Search};
 use super::selection::Test;
 use super::{Hit, box_slack};
 use crate::math::{Bounds, Ray};
@@ -98,7 +98,8 @@ impl Treelets {
         self.search(Search::any(ray, except)).is_some()
     }
 
-    fn search(&self, mut search: Search) -> Option<Hit> {
+    /// Ends a search that has begun.
+    pub(super) fn search<O: Observer>(&self, mut search: Search<O>) -> Option<Hit> {
         dispatch!(Level::new(), simd => walk(simd, self, &mut search));
         search.found(self.ids())
     }
@@ -178,12 +179,12 @@ impl Treelets {
 const STACK: usize = 192;
 
 #[simd]
-fn walk<S: Simd>(simd: S, treelets: &Treelets, search: &mut Search) {
+fn walk<S: Simd, O: Observer>(simd: S, treelets: &Treelets, search: &mut Search<O>) {
     if treelets.nodes.is_empty() {
         return;
     }
     let t_min = search.ray().t_min;
-    let slabs = Slabs::new(simd, (treelets.bounds, treelets.slack), search);
+    let slabs = Slabs::new(simd, (treelets.bounds, treelets.slack), search.ray(), search.inv_direction);
     let mut regions = Stack::default();
     let mut stack = [(0.0_f32, Child::Node(0)); STACK];
     let mut top = 1;
@@ -205,6 +206,7 @@ fn walk<S: Simd>(simd: S, treelets: &Treelets, search: &mut Search) {
             }
         };
         // Meet the eight boxes at once.
+        search.visit(1, 0);
         let (enter, leave) = slabs.cross(simd, &treelets.nodes[place]);
         let enter = enter.max(f32x8::splat(simd, t_min));
         let leave = leave.min(f32x8::splat(simd, search.t_far));

@@ -1,4 +1,4 @@
-//! The card against the CPU: formulas, layouts, pictures. Without an adapter what needs one says so and is skipped.
+//! What the shaders are made of: valid kernels, records, formulas. Whole pictures stand in `crate::tests::twins`.
 
-mod pictures;
+mod formulas;
 mod validation;

@@ -6,7 +6,7 @@ use wgpu::naga::{self, TypeInner, valid};
 
 use super::super::layout;
 use super::super::pages::declare;
-use super::super::shader::{Colors, Sampling, Shape, Sizes, Tiling};
+use super::super::shader::{Colors, Sampling, Shape, Sizes, Tiling, Tilings, Walk};
 use crate::structure::Packing;
 
 const PACKINGS: [Packing; 4] = [Packing::Exact, Packing::Bits16, Packing::Bits11, Packing::Bits8];
@@ -37,25 +37,21 @@ fn validate(text: &str) -> naga::Module {
 
 #[test]
 fn every_kernel_is_valid_for_every_layout() {
-    let tilings = [
-        Tiling::default(),
-        Tiling { tile: [8, 4], split: 1, nodes: 4 },
-        Tiling { tile: [4, 4], split: 4, nodes: 8 },
-        Tiling { tile: [8, 8], split: 4, nodes: 16 },
-    ];
+    let seconds = [Tiling { tile: [4, 4], split: 4, nodes: 8 }, Tiling { tile: [2, 2], split: 16, nodes: 8 }];
     for packing in PACKINGS {
         for sizes in SIZES {
             let shape = shape(packing, sizes, COLORS[sizes as usize % 3], 1 + sizes as usize % 2);
             validate(&shape.rays());
-            for samples in [1, 4, 16] {
-                for perspective in [false, true] {
-                    for tiling in tilings {
-                        let sampling = Sampling { samples, perspective, tiling: tiling.of(samples) };
-                        validate(&shape.tiles(sampling));
+            for (samples, perspective) in [(1, false), (1, true), (4, false), (4, true), (16, true)] {
+                for second in seconds {
+                    let tilings = Tilings { second, ..Tilings::of(samples) };
+                    let sampling = Sampling { samples, perspective, tilings };
+                    for walk in [Walk::First, Walk::Second, Walk::Counted] {
+                        validate(&shape.tiles(sampling, walk));
                     }
-                    let sampling = Sampling { samples, perspective, tiling: Tiling::default().of(samples) };
-                    validate(&shape.shade(sampling));
                 }
+                let sampling = Sampling { samples, perspective, tilings: Tilings::of(samples) };
+                validate(&shape.shade(sampling));
             }
         }
     }
@@ -86,7 +82,7 @@ macro_rules! record {
 #[test]
 fn records_stand_where_the_shaders_read_them() {
     let shape = shape(Packing::Exact, Sizes::Table, Colors::Constant, 1);
-    let sampling = Sampling { samples: 4, perspective: true, tiling: Tiling::default() };
+    let sampling = Sampling { samples: 4, perspective: true, tilings: Tilings::of(4) };
     let module = validate(&shape.shade(sampling));
     let view = record!(layout::View: eye, left, forward, top, right, pixel, up, unused);
     assert_eq!(members(&module, "View"), view);

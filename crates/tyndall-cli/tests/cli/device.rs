@@ -1,0 +1,73 @@
+//! What renders: the processor, a graphics card, or a program in a card's place where the machine has one.
+#![cfg(feature = "gpu")]
+
+use super::{Folder, line_of, png};
+
+/// Whether there is an adapter; if not, it is said that the test is skipped.
+fn has_adapter(folder: &Folder) -> bool {
+    let listed = folder.line("devices");
+    assert!(listed.code == 0 && listed.out.starts_with("cpu · "), "{listed:?}");
+    let has = listed.out.contains("\ngpu:");
+    if !has {
+        println!("skipped: no adapter");
+    }
+    has
+}
+
+#[test]
+fn the_card_shows_what_the_processor_shows() {
+    let folder = Folder::new();
+    folder.file("line.xyz", line_of(9));
+    if !has_adapter(&folder) {
+        return;
+    }
+    for look in ["default", "headlight", "flat"] {
+        for device in ["cpu", "gpu"] {
+            let told =
+                folder.render(&format!("line.xyz --look {look} --device {device} -o {device}.png")).fine();
+            assert!(told.contains(&format!("bvh, {device} ")), "{told}");
+        }
+        let [cpu, gpu] = ["cpu.png", "gpu.png"].map(|name| png(&folder.path(name)).0);
+        assert_eq!(cpu.len(), gpu.len());
+        let differing = cpu.iter().zip(&gpu).filter(|(a, b)| a.abs_diff(**b) > 2).count();
+        assert!(differing * 100 < cpu.len(), "{look}: {differing} of {} bytes differ", cpu.len());
+    }
+}
+
+#[test]
+fn devices_that_are_not_there_are_errors_but_for_auto() {
+    let folder = Folder::new();
+    folder.file("line.xyz", line_of(3));
+    folder.render("line.xyz --device cuda -o a.png").fails(2, &["--device", "'cuda'", "auto, cpu, gpu"]);
+    folder.render("line.xyz --device gpu:nonsense -o a.png").fails(5, &["no GPU adapter"]);
+    let told = folder.render("line.xyz -o a.png").fine();
+    // On hardware nothing is said; without it one line is.
+    assert!(told.contains("bvh, gpu") || told.contains("CPU backend, "), "{told}");
+    let told = folder.render("line.xyz --structure pkd -o a.png").fine();
+    assert!(told.contains("pkd") && !told.contains("GPU"), "{told}");
+    if has_adapter(&folder) {
+        folder
+            .render("line.xyz --structure pkd --device gpu -o a.png")
+            .fails(2, &["--structure", "bvh on the GPU"]);
+    }
+}
+
+#[test]
+fn cards_are_measured_and_figures_are_kept() {
+    let folder = Folder::new();
+    if !has_adapter(&folder) {
+        return;
+    }
+    let line = "bench gpu --device gpu --sets packed,nozzle --n 300 --size 16x16 --figures figures.json";
+    let ran = folder.line(line);
+    for heading in ["4 samples frames/s", "incoherent Mrays/s", "tests a sample"] {
+        assert!(ran.code == 0 && ran.out.contains(heading), "{heading}: {ran:?}");
+    }
+    let json: serde_json::Value =
+        serde_json::from_slice(&std::fs::read(folder.path("figures.json")).unwrap()).unwrap();
+    let rows = json["pictures"].as_array().unwrap();
+    assert_eq!(rows.len(), 4, "two sets by two cameras");
+    assert!(rows.iter().all(|row| row["4 samples frames/s"].as_f64().unwrap() > 0.0), "{json}");
+    let late = folder.line("bench gpu --device gpu --sets packed --n 300 --size 16x16 --time 1 --json");
+    assert_eq!(late.code, 0, "{late:?}");
+}
