@@ -446,8 +446,8 @@ pub(crate) enum BenchWhat {
     Structures,
     /// Density, light and march, as in the tables of Cha, Son and Ihm 2009
     Medium,
-    /// Spheres on a graphics card
-    Gpu,
     /// Culling by confidence, as in chapter 6 of Walloner 2022: a report with pictures
     Culling,
+    /// Spheres on a graphics card
+    Gpu,
 }

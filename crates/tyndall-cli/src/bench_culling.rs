@@ -116,7 +116,6 @@ fn chosen(args: &args::Bench) -> Outcome<Vec<&'static Set>> {
     if args.sets.is_empty() {
         return Ok(SETS.iter().collect());
     }
-    let names = &args.sets;
     let find = |name: &String| {
         let found = SETS.iter().find(|set| set.name == name);
         found.ok_or_else(|| {
@@ -124,7 +123,7 @@ fn chosen(args: &args::Bench) -> Outcome<Vec<&'static Set>> {
             Failure::from(Error::setting("--sets", name, allowed))
         })
     };
-    names.iter().map(find).collect()
+    args.sets.iter().map(find).collect()
 }
 
 /// Everything about one set.

@@ -97,10 +97,10 @@ impl Artist<'_> {
         let camera = window(camera, corner, PART);
         let off = Settings { width: PART, height: PART, samples: COMPARED, seed: 0, culling: Culling::Off };
         let off = tyndall::render::render(self.scene, &camera, &off, self.report.progress())?;
-        let mut pictures = vec![("without culling".to_string(), Canvas::of(&off, 2))];
+        let mut pictures = vec![("without culling".to_string(), Canvas::of(&off, 1))];
         for &(title, options) in knobs {
             let (image, _) = self.culled(&camera, PART, options)?;
-            pictures.push((title.to_string(), Canvas::of(&image, 2)));
+            pictures.push((title.to_string(), Canvas::of(&image, 1)));
         }
         let file = format!("{name}.png");
         panels(&self.folder.join(&file), &pictures)?;

@@ -233,8 +233,8 @@ struct Seen {
     image: Image,
 }
 
-/// What the ray through each pixel's center visits: up to where it ends without culling, with the pixels' `depths`, and if it knew
-/// where it ends. A ray that meets nothing would then not be asked.
+/// What the ray through each pixel's center visits: without culling, with the pixels' `depths`, and if it knew beforehand at which
+/// distance it meets something. A ray that meets nothing has no such distance.
 pub(super) fn visited(structure: &Structure, view: &View, edge: u32, depths: &[f32]) -> Vec<[Visits; 3]> {
     let of = |ray: &Ray| {
         let mut visits = Visits::default();
@@ -246,7 +246,7 @@ pub(super) fn visited(structure: &Structure, view: &View, edge: u32, depths: &[f
         let ray = view.ray(x as f32 + 0.5, y as f32 + 0.5);
         let (off, hit) = of(&ray);
         let (cut, _) = of(&Ray { t_max: depths[at].next_up(), ..ray });
-        let known = hit.map_or(Visits::default(), |hit| of(&Ray { t_max: hit.t.next_up(), ..ray }).0);
+        let known = hit.map_or(off, |hit| of(&Ray { t_max: hit.t.next_up(), ..ray }).0);
         [off, cut, known]
     };
     (0..(edge * edge) as usize).into_par_iter().with_min_len(256).map(pixel).collect()

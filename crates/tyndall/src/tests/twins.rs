@@ -40,7 +40,13 @@ fn random_scene(seed: u64, packing: Packing, lighting: Lighting) -> (Scene, Came
     (Scene::new(structure, colors, lighting, None), camera)
 }
 
-fn on_card(gpu: &Gpu, scene: &Scene, camera: &Camera, settings: &Settings, tiling: Tiling) -> Image {
+fn on_card(
+    gpu: &Gpu,
+    scene: &Scene,
+    camera: &Camera,
+    settings: &Settings,
+    tilings: Option<Tilings>,
+) -> Image {
     let resident = Resident::load(gpu, scene, &()).unwrap();
     let mut renderer = Renderer::new(&resident, scene, camera, settings).unwrap();
     if let Some(tilings) = tilings {

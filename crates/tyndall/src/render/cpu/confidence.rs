@@ -38,9 +38,8 @@ pub(super) struct Frame<'a> {
 }
 
 impl Confidence {
-    /// For pictures of `scene` on a film like `film`. Fails if a knob is out of range.
+    /// For pictures of `scene` on a film like `film`. Fails if the density grid would have too many voxels.
     pub(crate) fn new(scene: &Scene, film: &Film, options: Options) -> Result<Self> {
-        options.check()?;
         Ok(Self {
             options,
             grid: DensityGrid::new(scene.structure(), options.voxel_count)?,
