@@ -16,7 +16,7 @@ pub(crate) struct CullingArgs {
     #[arg(long, value_name = "HOW", default_value = "certified")]
     pub(crate) culling: CullingName,
     /// Which proofs certified culling seeks
-    #[arg(long, value_name = "PROOF,...", value_delimiter = ',', default_values_t = ALL_PROOFS)]
+    #[arg(long, value_name = "PROOF,...", value_delimiter = ',', default_values_t = DEFAULT_PROOFS)]
     certified: Vec<Proof>,
     #[command(flatten)]
     pub(crate) confidence: ConfidenceArgs,
@@ -84,11 +84,13 @@ pub(crate) enum Proof {
     Clip,
     /// Passes after the first begin with the leaves that the first went through (bvh)
     VisibleSet,
+    /// Parts of pixels that are covered for good hide all behind them from later passes (bvh); not by default, it saves little
+    Coverage,
     /// Shadow rays are answered by bounds in the space of the light (bvh)
     LightBounds,
 }
 
-const ALL_PROOFS: [Proof; 3] = [Proof::Clip, Proof::VisibleSet, Proof::LightBounds];
+const DEFAULT_PROOFS: [Proof; 3] = [Proof::Clip, Proof::VisibleSet, Proof::LightBounds];
 
 impl std::fmt::Display for Proof {
     fn fmt(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
@@ -102,6 +104,7 @@ fn certified_options(proofs: &[Proof]) -> certified::Options {
     certified::Options {
         clip: seeks(Proof::Clip),
         visible_set: seeks(Proof::VisibleSet),
+        coverage: seeks(Proof::Coverage),
         light_bounds: seeks(Proof::LightBounds),
     }
 }
@@ -119,6 +122,15 @@ pub(crate) fn tell(culling: &Culling, counts: &Counts, report: &Report) {
             percent(lit, all),
             percent(counts.surely_shadowed, all),
             percent(counts.traced, all),
+        ));
+    }
+    if options.coverage && counts.leaves > 0 {
+        report.detail(format_args!(
+            "coverage: no ray can see {} of {} leaves, {} of {} bricks",
+            percent(counts.evicted_leaves, counts.leaves),
+            grouped(counts.leaves as usize),
+            counts.evicted_bricks,
+            counts.bricks,
         ));
     }
     if options.clip && counts.clipped_rays > 0 {

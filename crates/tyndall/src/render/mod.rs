@@ -12,6 +12,8 @@ pub mod estimate;
 pub mod gpu;
 pub mod interactive;
 pub mod medium;
+pub mod normals;
+mod samples;
 mod sampling;
 mod shade;
 
@@ -22,6 +24,7 @@ use crate::scene::Scene;
 use crate::scene::camera::{Camera, View};
 use cpu::Film;
 pub use interactive::Interactive;
+pub use samples::SampleBuffer;
 use sampling::Samples;
 
 /// The knobs of a picture.
@@ -97,6 +100,8 @@ pub struct Renderer<'a> {
     film: Film,
     culling: Option<cpu::Confidence>,
     samples_done: u32,
+    /// Those since the start.
+    passes: Vec<Samples>,
     counts: certified::Counts,
     level: fearless_simd::Level,
 }
@@ -113,8 +118,8 @@ impl<'a> Renderer<'a> {
             Culling::Confidence(options) => Some(cpu::Confidence::new(scene, &film, options)?),
         };
         let level = fearless_simd::Level::new();
-        let counts = certified::Counts::default();
-        Ok(Self { scene, view, settings: *settings, film, culling, samples_done: 0, counts, level })
+        let (passes, counts) = (Vec::new(), certified::Counts::default());
+        Ok(Self { scene, view, settings: *settings, film, culling, samples_done: 0, passes, counts, level })
     }
 
     /// Uses narrower SIMD than the machine has.
@@ -157,6 +162,8 @@ impl<'a> Renderer<'a> {
             Culling::Confidence(options) => options.frame_samples,
         };
         let added = Samples::after(done, samples, seed)?.at_most(at_once);
+        self.passes.retain(|before| before.first < added.first);
+        self.passes.push(added);
         Some(self.film.pass(self.scene, self.view, added, culling.certified()))
     }
 
@@ -191,6 +198,7 @@ impl<'a> Renderer<'a> {
         self.view = camera.view(self.scene.structure().origin(), width, height)?;
         self.samples_done = 0;
         self.film.clear();
+        self.passes.clear();
         if let Some(culling) = &mut self.culling {
             culling.restart();
         }

@@ -58,14 +58,14 @@ impl Scene {
         &self.structure
     }
 
+    /// Colors the particles anew, with colors resolved for them in the order of their ids.
+    pub fn recolor(&mut self, colors: ParticleColors) {
+        self.colors = colors.arranged(self.structure.ids());
+    }
+
     /// Gives back the particles.
     pub fn into_structure(self) -> Structure {
         self.structure
-    }
-
-    /// Gives the particles other colors, which stand by id.
-    pub fn recolor(&mut self, colors: ParticleColors) {
-        self.colors = colors.arranged(self.structure.ids());
     }
 
     /// Scales all radii: see [`Structure::scale_radii`].

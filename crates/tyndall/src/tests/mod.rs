@@ -4,7 +4,8 @@ mod certified;
 mod culling;
 mod interactive;
 mod oracle;
-mod scenes;
+mod relight;
+pub(crate) mod scenes;
 mod selection;
 #[cfg(feature = "gpu")]
 mod twins;
