@@ -7,6 +7,7 @@ use clap::{Args, Parser, Subcommand, ValueEnum};
 use glam::DVec3;
 use tyndall::scene::coloring::{Coloring, Norm, Range};
 use tyndall::scene::colormap::Colormap;
+use tyndall::scene::select::{Clip, Filter};
 use tyndall::scene::viewpoint::Side;
 
 use crate::bench_culling::CullingBench;
@@ -125,6 +126,8 @@ pub(crate) struct Render {
     #[command(flatten)]
     pub(crate) camera: CameraArgs,
     #[command(flatten)]
+    pub(crate) selection: Selection,
+    #[command(flatten)]
     pub(crate) look: Look,
     #[command(flatten)]
     pub(crate) method: Method,
@@ -216,6 +219,18 @@ pub(crate) struct CameraArgs {
     /// Frames far outliers too
     #[arg(long)]
     pub(crate) frame_all: bool,
+}
+
+/// Which particles are shown; the others cast no shadow either. Camera and colors are those of all.
+#[derive(Args)]
+#[command(next_help_heading = "Selection")]
+pub(crate) struct Selection {
+    /// Shows only particles with these values, both ends of a range included: c_pe=-4.2:-3.1, v.x=0:, type=1,3, element=O,H; may be repeated
+    #[arg(long = "filter", value_name = "NAME=VALUES", allow_hyphen_values = true)]
+    pub(crate) filters: Vec<Filter>,
+    /// Shows only particles whose center is there: z<10, z<0.5L (L: the cell's size), 'plane X,Y,Z NX,NY,NZ' (cuts away what the normal points to), 'box X,Y,Z X,Y,Z' (keeps what is inside); may be repeated
+    #[arg(long = "clip", visible_alias = "slice", value_name = "WHERE", allow_hyphen_values = true)]
+    pub(crate) clips: Vec<Clip>,
 }
 
 /// Colors, sizes, light.

@@ -23,6 +23,7 @@ mod plan;
 mod progress;
 mod render;
 mod report;
+mod selection;
 mod structure;
 mod usage;
 mod values;

@@ -26,6 +26,7 @@ use crate::device::{self, Renders};
 use crate::output::Pattern;
 use crate::plan::{self, Picture};
 use crate::report::{Failure, Outcome, Report, counted, seconds};
+use crate::selection::Found;
 use crate::values::{Background, Degrees};
 use crate::{culling, dry_run, input, medium, metadata, progress, structure};
 
@@ -153,6 +154,10 @@ impl<'a> Job<'a> {
         if !colors.is_constant() {
             return Err(Error::setting("--color", &colors.description, allowed).into());
         }
+        if let Some(filter) = self.args.selection.filters.first() {
+            let allowed = "given: the particles do not fit the memory with what each has of its own — --clip is possible";
+            return Err(Error::setting("--filter", filter, allowed).into());
+        }
         let radius = radius * self.args.look.radius_scale;
         let (structure, dropped) =
             Structure::stream(parts, parts.origin(), radius, packing, self.report.progress())?;
@@ -194,6 +199,7 @@ impl<'a> Job<'a> {
             None => self.camera(spheres),
         };
         let colors = self.colors(&particles, kept.as_ref())?;
+        let selection = Found::of(&self.args.selection, &particles)?;
         let mut guesses = self.guesses(&conventions, count, &radius_text, &colors, &framing_text);
         if is_first {
             self.report.note(format_args!("tyndall: {}", guesses.join(" · ")));
@@ -232,16 +238,16 @@ impl<'a> Job<'a> {
         self.report.detail(format_args!("build: {}", seconds(building.elapsed().as_secs_f64())));
         if let Some(error) = structure.packing_error() {
             let text = structure::packing_error(error);
-            if is_first {
-                self.report.note(&text);
-            } else {
-                self.report.detail(&text);
-            }
+            self.tell(is_first, &text);
             let by_axis = structure::packing_error_by_axis(error);
             self.report.detail(&by_axis);
             guesses.extend([text, by_axis]);
         }
         let mut scene = Scene::new(structure, colors, Lighting::Flat, self.background);
+        if let Some(text) = selection.hide_others(&mut scene)? {
+            self.tell(is_first, &text);
+            guesses.push(text);
+        }
         let loading = Instant::now();
         let loaded = self.renders.load(&scene, self.report)?;
         self.report.detail(format_args!("upload: {}", seconds(loading.elapsed().as_secs_f64())));
@@ -272,6 +278,15 @@ impl<'a> Job<'a> {
             }
         }
         Ok(())
+    }
+
+    /// Says what concerns a frame: of the first to all, of others to the curious.
+    fn tell(&self, is_first: bool, text: &str) {
+        if is_first {
+            self.report.note(text);
+        } else {
+            self.report.detail(text);
+        }
     }
 
     /// Lights the scene for a camera. Fails if there is nothing to light.

@@ -4,8 +4,9 @@ mod cube;
 
 use divan::Bencher;
 use divan::counter::ItemsCount;
+use glam::DQuat;
 use tyndall::math::Ray;
-use tyndall::render::{Culling, Settings, render};
+use tyndall::render::{Culling, Interactive, Settings, render};
 use tyndall::scene::camera::Projection;
 use tyndall::structure::{Kind, Structure, pkd};
 use tyndall::{DVec3, synthetic};
@@ -69,6 +70,21 @@ fn default_look_16(bencher: Bencher, law: &str) {
 fn pkd_rays_1(bencher: Bencher, law: &str) {
     let (projection, look) = (PERSPECTIVE, Look::Headlight);
     picture(bencher, law, Picture { kind: Kind::Pkd(pkd::Options::default()), projection, look, samples: 1 });
+}
+
+/// Pictures of a resident scene in a turn around it, one sample a pixel, headlight: items are frames.
+#[divan::bench(args = ["packed?n=1e6", "packed?n=1e7", "uniform?n=1e6", "uniform?n=1e7", "clustered?n=1e6", "clustered?n=1e7"], sample_count = 60)]
+fn orbit_800x800(bencher: Bencher, law: &str) {
+    let mut camera = cube::camera(PERSPECTIVE);
+    let scene = cube::scene(structure(law, Kind::default()), &camera, Look::Headlight);
+    let settings = Settings { width: 800, height: 800, samples: 1, seed: 1, culling: Culling::default() };
+    let mut interactive = Interactive::new(scene, camera, settings).expect("valid settings");
+    bencher.counter(ItemsCount::new(1_u32)).bench_local(|| {
+        let turned = DQuat::from_rotation_z(6_f64.to_radians()) * (camera.eye - camera.look_at);
+        camera.eye = camera.look_at + turned;
+        interactive.look_from(camera).expect("a valid camera");
+        interactive.refine(&()).expect("nothing fails")
+    });
 }
 
 /// Single rays through the hierarchy, on one thread, one beside the other as in picking.

@@ -17,6 +17,29 @@ pub struct Image {
 }
 
 impl Image {
+    /// Makes room for a picture of that size; what is in it then has no meaning.
+    pub(crate) fn resize(&mut self, width: u32, height: u32) {
+        let pixels = width as usize * height as usize;
+        (self.width, self.height) = (width, height);
+        self.color.resize(pixels, [0.0; 4]);
+        self.depth.resize(pixels, f32::INFINITY);
+        self.id.resize(pixels, -1);
+    }
+
+    /// Fills this picture with another, of which each pixel becomes a block of `edge` by `edge`.
+    pub(crate) fn enlarge(&mut self, coarse: &Self, edge: u32) {
+        let (width, edge) = (self.width as usize, edge as usize);
+        let rows =
+            self.color.chunks_mut(width).zip(self.depth.chunks_mut(width)).zip(self.id.chunks_mut(width));
+        for (y, ((color, depth), id)) in rows.enumerate() {
+            let first = y / edge * coarse.width as usize;
+            for x in 0..width {
+                let from = first + x / edge;
+                (color[x], depth[x], id[x]) = (coarse.color[from], coarse.depth[from], coarse.id[from]);
+            }
+        }
+    }
+
     /// Whether no sample met a particle: no pixel has an id, and all have the same color.
     pub fn shows_nothing(&self) -> bool {
         self.id.iter().all(|&id| id < 0) && self.color.iter().all(|&color| color == self.color[0])

@@ -30,7 +30,7 @@ use tyndall::{DVec3, Error, Vec3};
 use tyndall_io::write;
 
 use self::args::{CacheName, KernelName, MethodName, SmoothingName};
-use crate::args::{Picture, Render};
+use crate::args::{Picture, Render, Selection};
 use crate::output::Pattern;
 use crate::report::{Failure, Outcome, Report, counted, seconds};
 use crate::values::Background;
@@ -146,6 +146,11 @@ impl Job<'_> {
         let noise = self.args.medium.noise.or(self.args.medium.density_noise);
         if noise.is_some() && self.args.medium.method == MethodName::Reference {
             let text = "--method reference knows no noise — leave out --noise and --density-noise";
+            return Err(Failure::Usage(text.into()));
+        }
+        let Selection { filters, clips } = &self.args.selection;
+        if !(filters.is_empty() && clips.is_empty()) {
+            let text = "--filter and --clip are for spheres — leave them out, or --mode medium";
             return Err(Failure::Usage(text.into()));
         }
         let pattern = Pattern::new(&self.args.picture.output);

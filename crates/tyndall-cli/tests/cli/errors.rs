@@ -106,6 +106,30 @@ fn a_blank_picture_is_an_error_and_not_a_file() {
 }
 
 #[test]
+fn a_selection_that_shows_nothing_says_why() {
+    let folder = Folder::new();
+    folder.file("a.dump", dump("id type x y z", 9.0, &["1 1 1 2 3", "2 2 3 2 1", "3 1 5 5 5"]));
+    let render = |selection: &[&str]| folder.run(&[&["render", "a.dump", "-o", "a.png"], selection].concat());
+    render(&["--filter", "type=9"])
+        .fails(3, &["0 of 3 particles are shown — the filter 'type=9' keeps none (type has 1, 2)"]);
+    render(&["--filter", "x=6:"]).fails(3, &["the filter 'x=6:' keeps none (x has 1, 3, 5)"]);
+    render(&["--filter", "type=1", "--clip", "z<0.1L"]).fails(3, &["the clip 'z<0.1L' keeps none"]);
+    render(&["--filter", "type=2", "--clip", "x>4"])
+        .fails(3, &["each filter and clip keeps some particles, but together"]);
+    render(&["--filter", "typ=1"])
+        .fails(2, &["no attribute 'typ'; did you mean 'type'? available: id, type, x, y, z"]);
+    render(&["--filter", "type"]).fails(2, &["there is no '='", "type=1,3"]);
+    render(&["--clip", "w<3"]).fails(2, &["z<0.5L", "plane X,Y,Z NX,NY,NZ"]);
+    render(&["--clip", "x<3", "--mode", "medium"]).fails(2, &["--filter and --clip are for spheres"]);
+    render(&["--filter", "type=1", "--eye", "0,0,50", "--look-at", "0,0,90"])
+        .fails(3, &["0 of 2 shown of 3 particles are in view"]);
+    let streamed =
+        "render synthetic:packed?n=1e6 -o a.png --memory 33800000 --size 64x64 --filter x=0:1 --pack 16";
+    folder.line(streamed).fails(2, &["do not fit the memory", "--clip is possible"]);
+    assert_eq!(folder.names(), ["a.dump"]);
+}
+
+#[test]
 fn more_than_the_memory_is_refused_before_the_work() {
     let folder = Folder::new();
     let free = std::fs::read_to_string("/proc/meminfo").unwrap_or_default();

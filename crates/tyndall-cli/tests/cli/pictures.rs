@@ -311,3 +311,32 @@ fn packing_is_told_with_its_error() {
     folder.render("a.xyz -o a.png --treelet-size 15").fails(2, &["--treelet-size", "16"]);
     folder.render("a.xyz -o a.png --pack 12").fails(2, &["--pack", "12", "exact, 16, 11, 8"]);
 }
+
+#[test]
+fn what_is_not_shown_is_as_if_it_were_not_there() {
+    let folder = Folder::new();
+    let all = line_of(9);
+    folder.file("all.xyz", &all);
+    let rows: Vec<&str> = all.lines().collect();
+    folder.file("some.xyz", format!("3\n{}\n{}\n", rows[1], rows[4..7].join("\n")));
+    let camera = "--eye 4,-30,9 --look-at 4,0,0 --radius 0.7 --color orange";
+    folder.render(&format!("some.xyz -o some.png {camera}")).fine();
+    let expected = png(&folder.path("some.png")).0;
+    for (name, selection) in [
+        ("a.png", &["--filter", "c_pe=2.5:4.5"][..]),
+        ("b.png", &["--filter", "c_pe=2:", "--filter", "x=:4", "--structure", "pkd"]),
+        ("c.png", &["--clip", "x<4", "--slice", "x > 2"]),
+        ("d.png", &["--clip", "box 1.9,-1,-1 4.1,1,1", "--filter", "element=Cu"]),
+        ("e.png", &["--clip", "x<0.5L", "--filter", "x=2:", "--pack", "16"]),
+    ] {
+        let line = format!("render --size 48x32 --samples 4 all.xyz -o {name} {camera}");
+        let words: Vec<&str> = line.split_whitespace().chain(selection.iter().copied()).collect();
+        let said = folder.run(&words).fine();
+        assert!(said.contains("shown: 3 of 9 particles ("), "{said}");
+        let (pixels, _, texts) = png(&folder.path(name));
+        assert!(pixels == expected, "{selection:?}");
+        assert!(texts.iter().any(|(key, text)| key == "Guesses" && text.contains("shown: 3 of 9")));
+    }
+    folder.render(&format!("all.xyz -o all.png {camera}")).fine();
+    assert!(png(&folder.path("all.png")).0 != expected, "the others can be seen");
+}

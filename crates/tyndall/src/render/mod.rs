@@ -1,6 +1,7 @@
 //! From a scene to a picture: passes of samples into a film.
 //!
-//! [`Renderer::pass`] adds up to sixteen samples to every pixel; [`Renderer::image`] is the picture so far. The same settings
+//! [`Renderer::pass`] adds up to sixteen samples to every pixel; [`Renderer::image`] is the picture so far; [`Interactive`] keeps a scene that
+//! changes. The same settings
 //! give the same picture, bit for bit, whatever the number of threads and the width of SIMD.
 
 pub mod certified;
@@ -9,6 +10,7 @@ pub mod cpu;
 pub mod estimate;
 #[cfg(feature = "gpu")]
 pub mod gpu;
+pub mod interactive;
 pub mod medium;
 pub mod normals;
 mod samples;
@@ -21,6 +23,7 @@ use crate::progress::Progress;
 use crate::scene::Scene;
 use crate::scene::camera::{Camera, View};
 use cpu::Film;
+pub use interactive::Interactive;
 pub use samples::SampleBuffer;
 use sampling::Samples;
 
@@ -130,31 +133,36 @@ impl<'a> Renderer<'a> {
         self.samples_done >= self.settings.samples
     }
 
-    /// Adds up to sixteen samples to every pixel, with culling by confidence those of a frame. Fails only when interrupted; the
-    /// film is then incomplete.
+    /// Adds up to sixteen samples to every pixel, with culling by confidence those of a frame. Fails only when interrupted; some parts of
+    /// the picture then have them, and the next pass goes on with the others.
     pub fn pass(&mut self, progress: &dyn Progress) -> Result<()> {
-        let pass = self.next_pass();
+        let pass = self.next_pass(self.samples_done);
         self.add(pass.as_slice(), progress)
     }
 
-    /// Adds all samples that are missing, tile by tile. Fails only when interrupted; the film is then incomplete.
+    /// Adds all samples that are missing, tile by tile. Fails only when interrupted, as [`Renderer::pass`] does.
     pub fn finish(&mut self, progress: &dyn Progress) -> Result<()> {
         let pixels = u64::from(self.settings.width) * u64::from(self.settings.height);
         let samples = u64::from(self.settings.samples - self.samples_done);
         progress.begin("render", Some(pixels * samples), "samples");
-        let passes: Vec<cpu::Pass> = std::iter::from_fn(|| self.next_pass()).collect();
+        let mut passes: Vec<cpu::Pass> = Vec::new();
+        let mut done = self.samples_done;
+        while let Some(pass) = self.next_pass(done) {
+            done = pass.end();
+            passes.push(pass);
+        }
         self.add(&passes, progress)
     }
 
-    /// The next samples of every pixel, if any are missing; they count as done.
-    fn next_pass(&mut self) -> Option<cpu::Pass<'a>> {
+    /// The samples of every pixel that come after the first `done`, if any are missing.
+    fn next_pass(&mut self, done: u32) -> Option<cpu::Pass<'a>> {
         let Settings { samples, seed, culling, .. } = self.settings;
         let at_once = match culling {
             Culling::Off | Culling::Certified(_) => u32::MAX,
             Culling::Confidence(options) => options.frame_samples,
         };
-        let added = Samples::after(self.samples_done, samples, seed)?.at_most(at_once);
-        self.samples_done += added.count;
+        let added = Samples::after(done, samples, seed)?.at_most(at_once);
+        self.passes.retain(|before| before.first < added.first);
         self.passes.push(added);
         Some(self.film.pass(self.scene, self.view, added, culling.certified()))
     }
@@ -170,6 +178,12 @@ impl<'a> Renderer<'a> {
         for pass in passes {
             self.counts += pass.counts();
         }
+        if let Some(done) = passes.last().map(cpu::Pass::end) {
+            if !self.film.has(done) {
+                return Err(Error::Interrupted);
+            }
+            self.samples_done = done;
+        }
         if progress.cancelled() { Err(Error::Interrupted) } else { Ok(()) }
     }
 
@@ -183,6 +197,7 @@ impl<'a> Renderer<'a> {
         let Settings { width, height, .. } = self.settings;
         self.view = camera.view(self.scene.structure().origin(), width, height)?;
         self.samples_done = 0;
+        self.film.clear();
         self.passes.clear();
         if let Some(culling) = &mut self.culling {
             culling.restart();
@@ -193,6 +208,7 @@ impl<'a> Renderer<'a> {
     /// Takes what culling by confidence has learned of this view for final, and starts the picture anew.
     pub fn settle(&mut self) {
         self.samples_done = 0;
+        self.film.clear();
         if let Some(culling) = &mut self.culling {
             culling.settle();
         }
@@ -212,7 +228,7 @@ impl<'a> Renderer<'a> {
 
     /// Writes the picture of the samples so far, whatever `image` was before.
     pub fn image_into(&self, image: &mut Image) {
-        self.film.image_into(self.scene, self.samples_done, image);
+        self.film.image_into(self.scene, image);
     }
 }
 

@@ -53,7 +53,7 @@ impl SampleBuffer {
             return Err(Error::Interrupted);
         }
         let mut image = Image::default();
-        film.image_into(scene, self.samples(), &mut image);
+        film.image_into(scene, &mut image);
         Ok(image)
     }
 

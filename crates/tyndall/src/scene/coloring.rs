@@ -2,7 +2,7 @@
 
 use std::str::FromStr;
 
-use super::quantity::Component;
+use super::quantity::{Component, named};
 use crate::error::{Error, Result};
 use crate::srgb::linear_from_encoded;
 
@@ -35,7 +35,6 @@ impl FromStr for Coloring {
     /// name of an attribute. An attribute that is named like a color is reached by its component: `red.0`.
     fn from_str(text: &str) -> Result<Self> {
         let text = text.trim();
-        let attribute = |name: &str, component| Ok(Self::Attribute { name: name.into(), component });
         match text.to_ascii_lowercase().as_str() {
             "" => {
                 return Err(Error::setting(
@@ -60,16 +59,8 @@ impl FromStr for Coloring {
         if let Some(color) = css_color(text) {
             return Ok(Self::Constant(linear(color)));
         }
-        if let Some(name) = text.strip_prefix('|').and_then(|rest| rest.strip_suffix('|')) {
-            return attribute(name.trim(), Some(Component::Magnitude));
-        }
-        if let Some((name, end)) = text.rsplit_once('.').filter(|(name, _)| !name.is_empty()) {
-            let axis = ["x", "y", "z"].iter().position(|axis| axis.eq_ignore_ascii_case(end));
-            if let Some(place) = axis.or_else(|| end.parse().ok()) {
-                return attribute(name, Some(Component::Index(place)));
-            }
-        }
-        attribute(text, None)
+        let (name, component) = named(text);
+        Ok(Self::Attribute { name: name.into(), component })
     }
 }
 

@@ -14,15 +14,18 @@ mod names;
 pub mod outline;
 pub mod quantity;
 mod rgb;
+pub mod select;
 mod spacing;
 mod statistics;
 pub mod viewpoint;
 
 use crate::structure::Structure;
+use crate::structure::selection::Column;
 #[cfg(feature = "gpu")]
 use color::ColorColumn;
 use color::ParticleColors;
 use light::Lighting;
+use select::Selectable;
 pub use statistics::{grouped, short};
 
 /// Particles, and how they are seen.
@@ -34,6 +37,8 @@ pub struct Scene {
     structure: Structure,
     /// By node.
     colors: ParticleColors,
+    /// Quantities that filters may ask for.
+    selectables: Vec<Selectable<Column>>,
 }
 
 impl Scene {
@@ -45,7 +50,7 @@ impl Scene {
         background: Option<[f32; 3]>,
     ) -> Self {
         let colors = colors.arranged(structure.ids());
-        Self { lighting, background, structure, colors }
+        Self { lighting, background, structure, colors, selectables: Vec::new() }
     }
 
     /// The particles.
@@ -61,6 +66,11 @@ impl Scene {
     /// Gives back the particles.
     pub fn into_structure(self) -> Structure {
         self.structure
+    }
+
+    /// Scales all radii: see [`Structure::scale_radii`].
+    pub fn scale_radii(&mut self, scale: f32) {
+        self.structure.scale_radii(scale);
     }
 
     /// The colors as they are held, by node.

@@ -165,6 +165,20 @@ fn stems(name: &str) -> impl Iterator<Item = (&str, usize)> {
     })
 }
 
+/// What is written as `v`, `|v|`, `v.x` or `v.1` (components count from 0): a name, and which number of a vector.
+pub(super) fn named(text: &str) -> (&str, Option<Component>) {
+    if let Some(name) = text.strip_prefix('|').and_then(|rest| rest.strip_suffix('|')) {
+        return (name.trim(), Some(Component::Magnitude));
+    }
+    if let Some((name, end)) = text.rsplit_once('.').filter(|(name, _)| !name.is_empty()) {
+        let axis = ["x", "y", "z"].iter().position(|axis| axis.eq_ignore_ascii_case(end));
+        if let Some(place) = axis.or_else(|| end.parse().ok()) {
+            return (name, Some(Component::Index(place)));
+        }
+    }
+    (text, None)
+}
+
 /// The quantity as people write it.
 fn written(name: &str, component: Option<Component>) -> String {
     match component {

@@ -10,6 +10,7 @@ mod heap;
 mod pages;
 pub mod pkd;
 mod search;
+pub mod selection;
 pub mod treelets;
 
 use glam::{DVec3, Vec3};
@@ -21,6 +22,7 @@ use crate::progress::Progress;
 use crate::source::Source;
 use build::{Record, records};
 use search::{Every, Observer, Search};
+use selection::{Rule, Test, all_bits, shows};
 
 pub use bvh::{Bvh, Packing, PackingError};
 pub use pkd::Pkd;
@@ -197,6 +199,25 @@ impl Structure {
         Ok((Self { store: Store::Bvh(bvh), origin, places: None }, dropped))
     }
 
+    /// From now on shows only particles that fulfill all rules; without rules, all. What is not shown is met by no ray and casts no
+    /// shadow, but keeps its node. Returns how many are shown.
+    pub fn show(&mut self, rules: &[Rule]) -> u64 {
+        let tests: Vec<Test> = rules.iter().map(|rule| Test::new(rule, self.origin)).collect();
+        each_store!(&mut self.store, store => store.show(&tests))
+    }
+
+    /// From now on all radii are `scale` times those it was built with; `scale` is finite and not negative.
+    pub fn scale_radii(&mut self, scale: f32) {
+        let none =
+            Store::Brute(Brute { spheres: Vec::new(), radius_scale: 1.0, ids: Vec::new(), shown: None });
+        self.store = match std::mem::replace(&mut self.store, none) {
+            Store::Bvh(bvh) => Store::Bvh(bvh.scaled(scale)),
+            Store::Pkd(pkd) => Store::Pkd(pkd.scaled(scale)),
+            Store::Treelets(treelets) => Store::Treelets(treelets.scaled(scale)),
+            Store::Brute(brute) => Store::Brute(Brute { radius_scale: scale, ..brute }),
+        };
+    }
+
     /// The particle that `ray` enters first, not counting the one at node `except`.
     pub fn intersect(&self, ray: &Ray, except: Option<u32>) -> Option<Hit> {
         each_store!(&self.store, store => store.intersect(ray, except))
@@ -215,6 +236,12 @@ impl Structure {
     /// Whether `ray` enters any particle but the one at node `except`.
     pub fn occluded(&self, ray: &Ray, except: Option<u32>) -> bool {
         each_store!(&self.store, store => store.occluded(ray, except))
+    }
+
+    /// Whether the particle at `node` is shown: see [`Structure::show`].
+    #[inline(always)]
+    pub fn shows(&self, node: u32) -> bool {
+        each_store!(&self.store, store => store.shows(node))
     }
 
     /// How many particles there are; nodes count from 0 to this.
@@ -288,8 +315,12 @@ fn arrange<const N: usize>(
 
 /// Tries every particle.
 pub struct Brute {
+    /// Centers, and radii as they were built; `radius_scale` times that is what is seen.
     spheres: Vec<(Vec3, f32)>,
+    radius_scale: f32,
     ids: Vec<u32>,
+    /// A bit a particle, where not all are shown.
+    shown: Option<Vec<u16>>,
 }
 
 impl Brute {
@@ -297,7 +328,9 @@ impl Brute {
         let sphere = |record: &Record<N>| (record.center(), record.radius(radius));
         Self {
             spheres: records.iter().map(sphere).collect(),
+            radius_scale: 1.0,
             ids: records.iter().map(|record| record.id).collect(),
+            shown: None,
         }
     }
 
@@ -311,10 +344,11 @@ impl Brute {
 
     fn search<O: Observer>(&self, mut search: Search<O>) -> Option<Hit> {
         search.visit(1, self.spheres.len() as u64);
-        for (node, &(center, radius)) in (0..).zip(&self.spheres) {
+        for node in (0..self.ids.len() as u32).filter(|&node| self.shows(node)) {
+            let (center, radius) = self.sphere(node);
             search.try_one(center, radius, node, &self.ids);
         }
-        search.found()
+        search.found(&self.ids)
     }
 
     fn occluded(&self, ray: &Ray, except: Option<u32>) -> bool {
@@ -322,7 +356,8 @@ impl Brute {
     }
 
     fn sphere(&self, node: u32) -> (Vec3, f32) {
-        self.spheres[node as usize]
+        let (center, radius) = self.spheres[node as usize];
+        (center, self.radius_scale * radius)
     }
 
     fn ids(&self) -> &[u32] {
@@ -330,8 +365,8 @@ impl Brute {
     }
 
     fn bounds(&self) -> Bounds {
-        let boxes =
-            self.spheres.iter().map(|&(center, radius)| Bounds { min: center, max: center }.grown(radius));
+        let spheres = (0..self.ids.len() as u32).map(|node| self.sphere(node));
+        let boxes = spheres.map(|(center, radius)| Bounds { min: center, max: center }.grown(radius));
         boxes.fold(Bounds::EMPTY, Bounds::union)
     }
 
@@ -339,10 +374,22 @@ impl Brute {
         size_of_val(&self.spheres[..]) as u64
     }
 
+    fn show(&mut self, tests: &[Test]) -> u64 {
+        let bits = all_bits(self.ids.len(), tests, |node| self.spheres[node].0);
+        let count = bits.iter().map(|bits| u64::from(bits.count_ones())).sum();
+        self.shown = Some(bits);
+        count
+    }
+
+    fn shows(&self, node: u32) -> bool {
+        self.shown.as_ref().is_none_or(|shown| shows(shown, node as usize))
+    }
+
     fn hits(&self, ray: &Ray, except: Option<u32>) -> impl Iterator<Item = (f32, u32)> {
-        (0u32..).zip(&self.spheres).filter_map(move |(node, &(center, radius))| {
+        (0..self.ids.len() as u32).filter_map(move |node| {
+            let (center, radius) = self.sphere(node);
             let t = enter_sphere(ray, center, radius);
-            (t < ray.t_max && except != Some(node)).then_some((t, node))
+            (t < ray.t_max && except != Some(node) && self.shows(node)).then_some((t, node))
         })
     }
 }

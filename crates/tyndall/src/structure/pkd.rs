@@ -8,6 +8,7 @@ use glam::Vec3;
 use super::build::Record;
 use super::heap::{self, Columns, Heap, Stack};
 use super::search::{Observer, Search};
+use super::selection::Test;
 use super::{Hit, box_slack};
 use crate::error::{Error, Result};
 use crate::math::{Bounds, Ray};
@@ -58,7 +59,24 @@ impl Pkd {
         let (columns, slack, options) = (&self.columns, self.slack, self.options);
         let order = options.order;
         dispatch!(Level::new(), simd => heap::walk(simd, columns, heap, slack, order, &mut search, &mut stack));
-        search.found()
+        search.found(self.ids())
+    }
+
+    /// The same particles with radii `scale` times those that were built.
+    pub(super) fn scaled(mut self, scale: f32) -> Self {
+        self.columns.scale_radii(scale);
+        self.slack = box_slack(&self.bounds());
+        self
+    }
+
+    /// See [`super::Structure::show`].
+    pub(super) fn show(&mut self, tests: &[Test]) -> u64 {
+        self.columns.show(tests, std::slice::from_ref(&self.heap))
+    }
+
+    /// See [`super::Structure::shows`].
+    pub(super) fn shows(&self, node: u32) -> bool {
+        self.columns.shows(node as usize)
     }
 
     /// See [`super::Structure::sphere`].
@@ -74,7 +92,10 @@ impl Pkd {
 
     /// The box of all particles, each as large as the largest.
     pub fn bounds(&self) -> Bounds {
-        if self.heap.centers.is_empty() { Bounds::EMPTY } else { self.heap.centers.grown(self.heap.radius) }
+        match self.heap.centers.is_empty() {
+            true => Bounds::EMPTY,
+            false => self.heap.centers.grown(self.columns.radius_scale() * self.heap.radius),
+        }
     }
 
     /// Memory that it takes in bytes, without the ids.

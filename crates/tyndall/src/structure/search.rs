@@ -55,7 +55,8 @@ pub(super) struct Search<O: Observer = ()> {
     wanted: Wanted,
     /// How far the ray is of interest: to its end, or to the nearest that it has met. What is met just there counts.
     pub(super) t_far: f32,
-    best: Option<Hit>,
+    /// Distance and node of the nearest that it has met.
+    best: Option<(f32, u32)>,
     observer: O,
 }
 
@@ -91,9 +92,9 @@ impl<O: Observer> Search<O> {
         self.observer.visit(nodes, particles);
     }
 
-    /// What was found.
-    pub(super) fn found(self) -> Option<Hit> {
-        self.best
+    /// What was found, among particles with these ids by node.
+    pub(super) fn found(self, ids: &[u32]) -> Option<Hit> {
+        self.best.map(|(t, node)| Hit { t, id: ids[node as usize], node })
     }
 
     #[inline(always)]
@@ -132,7 +133,13 @@ impl<O: Observer> Search<O> {
             return false;
         }
         self.observer.meet(t, node);
-        Hit::keep_nearer(&mut self.best, t, node, ids);
+        // Of equally near ones that with the smaller id; ids are far from the leaves, and asked for then only.
+        let is_nearer = |&(nearest, other): &(f32, u32)| {
+            t < nearest || (t == nearest && ids[node as usize] < ids[other as usize])
+        };
+        if self.best.as_ref().is_none_or(is_nearer) {
+            self.best = Some((t, node));
+        }
         if !O::EVERY {
             // Clip the ray to the nearest hit: what is behind it is hidden.
             self.t_far = self.t_far.min(t);

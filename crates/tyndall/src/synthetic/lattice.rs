@@ -97,10 +97,32 @@ impl Lattice {
 
     /// Site `k`, below [`Lattice::total`].
     pub(super) fn site(&self, k: u64) -> DVec3 {
-        let column = self.columns.partition_point(|&(before, _)| before <= k) - 1;
+        let column = self.column(k);
+        self.in_column(column, self.frame.foot(column), k)
+    }
+
+    /// The sites of a range, one after the other: only the first is looked for.
+    pub(super) fn sites(&self, range: Range<u64>) -> impl Iterator<Item = DVec3> {
+        let mut column = self.column(range.start);
+        let mut foot = self.frame.foot(column);
+        range.map(move |k| {
+            while self.columns.get(column + 1).is_some_and(|&(before, _)| before <= k) {
+                column += 1;
+                foot = self.frame.foot(column);
+            }
+            self.in_column(column, foot, k)
+        })
+    }
+
+    /// The column of site `k`.
+    fn column(&self, k: u64) -> usize {
+        self.columns.partition_point(|&(before, _)| before <= k) - 1
+    }
+
+    fn in_column(&self, column: usize, foot: DVec3, k: u64) -> DVec3 {
         let (before, bottom) = self.columns[column];
         let layer = bottom + (k - before) as i64;
-        self.frame.foot(column) + DVec3::Z * (self.frame.edge * layer as f64)
+        foot + DVec3::Z * (self.frame.edge * layer as f64)
     }
 
     /// Site of particle `k` of `count`, which is at most [`Lattice::total`]: sites too many stay empty at even distances.
@@ -194,7 +216,11 @@ mod tests {
             sites.sort_by_key(|site| (site / 0.025).round().as_ivec3().to_array());
             sites
         };
-        let found = sorted((0..lattice.total()).map(|k| lattice.site(k)).collect());
+        let found: Vec<DVec3> = (0..lattice.total()).map(|k| lattice.site(k)).collect();
+        for first in [0, 1, 77, lattice.total() - 5, lattice.total()] {
+            assert!(lattice.sites(first..lattice.total()).eq(found[first as usize..].iter().copied()));
+        }
+        let found = sorted(found);
         assert!(found.iter().zip(&sorted(wanted)).all(|(a, b)| a.distance(*b) < 1e-9));
     }
 

@@ -106,7 +106,8 @@ impl Source for Synthetic {
 
     fn read(&self, range: Range<u64>, into: &mut Vec<Vec3>) -> Result<()> {
         into.clear();
-        into.extend(range.map(|k| self.plan.law.particle(k).position));
+        into.reserve((range.end - range.start) as usize);
+        self.plan.law.run(range, &mut |particle| into.push(particle.position));
         Ok(())
     }
 }
@@ -140,6 +141,11 @@ struct Particle {
 trait Law: Sync {
     /// Particle `k`, below the count for which the law was made.
     fn particle(&self, k: u64) -> Particle;
+
+    /// Hands on the particles of a range in order, which may take less than to ask for each.
+    fn run(&self, range: Range<u64>, take: &mut dyn FnMut(Particle)) {
+        range.for_each(|k| take(self.particle(k)));
+    }
 }
 
 /// An attribute that a law fills.
@@ -211,19 +217,22 @@ struct Chunk<'a> {
 
 impl Chunk<'_> {
     fn fill(&mut self, law: &dyn Law) {
-        for place in 0..self.positions[0].len() {
-            let particle = law.particle(self.first + place as u64);
-            for (axis, column) in self.positions.iter_mut().enumerate() {
+        let Self { first, positions, attributes } = self;
+        let count = positions[0].len();
+        let mut place = 0;
+        law.run(*first..*first + count as u64, &mut |particle| {
+            for (axis, column) in positions.iter_mut().enumerate() {
                 column[place] = particle.position[axis];
             }
-            for (run, value) in self.attributes.iter_mut().zip(particle.values) {
+            for (run, value) in attributes.iter_mut().zip(particle.values) {
                 match run {
                     Run::Real(column) => column[place] = value,
                     Run::Whole(column) => column[place] = value as i32,
                     Run::Code(column) => column[place] = value as u32,
                 }
             }
-        }
+            place += 1;
+        });
     }
 }
 

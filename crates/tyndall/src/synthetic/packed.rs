@@ -52,11 +52,21 @@ fn span(x: f64, y: f64) -> Range<f64> {
     0.0..1.0 - (HOLE * HOLE - off_axis_sq).max(0.0).sqrt()
 }
 
-impl Law for Packed {
-    fn particle(&self, k: u64) -> Particle {
-        let site = self.lattice.site(k + self.surplus);
+impl Packed {
+    fn at(&self, k: u64, site: DVec3) -> Particle {
         let noise = self.noise * Stream::new(self.seed, k).normal3();
         Particle { position: site.as_vec3() + noise, ..Particle::default() }
+    }
+}
+
+impl Law for Packed {
+    fn particle(&self, k: u64) -> Particle {
+        self.at(k, self.lattice.site(k + self.surplus))
+    }
+
+    fn run(&self, range: Range<u64>, take: &mut dyn FnMut(Particle)) {
+        let sites = self.lattice.sites(range.start + self.surplus..range.end + self.surplus);
+        range.zip(sites).for_each(|(k, site)| take(self.at(k, site)));
     }
 }
 

@@ -240,7 +240,8 @@ fn every_structure_tells_every_hit_and_what_the_first_one_took() {
                 assert_eq!(first, structure.intersect(&ray, None), "seed {seed}: {law:?}");
                 assert_eq!(first, counted, "seed {seed}: {law:?}");
                 assert!(counted.is_none() || visits.particles > 0);
-                assert!(visits.particles <= structure.len().next_multiple_of(16) as u64);
+                // Heaps try some of their topmost particles twice.
+                assert!(visits.particles <= 2 * structure.len().next_multiple_of(16) as u64);
             }
         }
     }

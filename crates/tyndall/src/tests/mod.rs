@@ -2,9 +2,11 @@
 
 mod certified;
 mod culling;
+mod interactive;
 mod oracle;
 mod relight;
 pub(crate) mod scenes;
+mod selection;
 #[cfg(feature = "gpu")]
 mod twins;
 mod visibility;

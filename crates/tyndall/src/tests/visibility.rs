@@ -152,8 +152,41 @@ fn packed_particles_are_rendered_as_brute_force_renders_what_the_blocks_decode()
     }
 }
 
+#[test]
+fn scaled_radii_are_seen_as_if_they_had_been_built() {
+    for seed in 0..60 {
+        let mut random = Random::new(7000 + seed);
+        let law = LAWS[seed as usize % LAWS.len()];
+        let count = COUNTS[seed as usize / LAWS.len() % COUNTS.len()];
+        let (particles, radii) = particles(law, count, &mut random);
+        let scale = [0.0, 0.3, 0.999, 1.0, 1.7, 20.0][random.below(6) as usize];
+        let camera = camera(&particles.bounds(), &mut random);
+        let settings = Settings {
+            width: 21,
+            height: 13,
+            samples: [1, 16][seed as usize % 2],
+            seed: 3,
+            culling: Culling::default(),
+        };
+        let studio = Lighting::studio(Vec3::X, Vec3::NEG_Y, Vec3::Z);
+        for kind in [KINDS[0], KINDS[1], KINDS[2], KINDS[5], KINDS[7], KINDS[10]] {
+            let built = |scale: f32| Structure::build(kind, particles.clone(), &radii, scale, &()).unwrap();
+            let seen = |structure: Structure| {
+                let colors = color::resolve(&particles, &"radius".parse().unwrap(), None, None, Range::Auto);
+                image(&Scene::new(structure, colors.unwrap(), studio, None), &camera, &settings, Level::new())
+            };
+            let mut scaled = built(1.0);
+            // Not from one scale to the next, but from what was built.
+            scaled.scale_radii(3.0);
+            scaled.scale_radii(scale);
+            let differing = differing_pixels(&seen(built(scale)), &seen(scaled));
+            assert_eq!(differing, 0, "seed {seed}: {law:?}, {count} particles, {kind:?}, scaled by {scale}");
+        }
+    }
+}
+
 /// The particles as a structure holds them, in order of their ids.
-fn decoded(structure: &Structure) -> (Particles, Radii) {
+pub(super) fn decoded(structure: &Structure) -> (Particles, Radii) {
     let mut nodes: Vec<u32> = (0..structure.len() as u32).collect();
     nodes.sort_by_key(|&node| structure.ids()[node as usize]);
     let axis = |axis: usize| nodes.iter().map(|&node| structure.sphere(node).0[axis]).collect();

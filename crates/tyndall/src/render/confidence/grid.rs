@@ -77,7 +77,8 @@ impl DensityGrid {
     fn splat(&self, structure: &Structure, counts: &[AtomicU32], bits: u32) -> bool {
         let integral = GaussianIntegral::new(GAUSSIAN_LIMIT);
         let one = (1u64 << bits) as f32;
-        (0..structure.len() as u32).into_par_iter().with_min_len(SHARE).all(|node| {
+        let nodes = (0..structure.len() as u32).into_par_iter().with_min_len(SHARE);
+        nodes.filter(|&node| structure.shows(node)).all(|node| {
             let (center, radius) = structure.sphere(node);
             let shares = self.shares(&integral, center, radius);
             let mut fits = true;

@@ -154,7 +154,7 @@ fn push_children<S: Simd>(
     let (x, y, z) = (center.x.to_array(), center.y.to_array(), center.z.to_array());
     let (reach_x, reach_y) = (reach.x.to_array(), reach.y.to_array());
     let tops = (center.z + reach.z).to_array();
-    let mut kept = bvh.existing(entry.place);
+    let mut kept = bvh.shown_children(entry.place);
     let first = stack.len();
     const { assert!(WIDTH == 8) };
     while kept != 0 {
@@ -200,6 +200,7 @@ fn shadow_of_leaf<S: Simd>(
     };
     let reach = light.reach(simd, Ball(outer));
     let top = center.z + reach.z;
+    let shown = bvh.shown(leaf);
 
     let mut packets = entry.packets;
     while packets != 0 {
@@ -214,7 +215,7 @@ fn shadow_of_leaf<S: Simd>(
         let meets = off_x.simd_le(reach.x + f32x16::splat(simd, spans.half[0][packet]))
             & off_y.simd_le(reach.y + f32x16::splat(simd, spans.half[1][packet]))
             & top.simd_ge(f32x16::splat(simd, first));
-        let mut kept = meets.to_bitmask() as u32;
+        let mut kept = meets.to_bitmask() as u32 & shown;
         if kept == 0 {
             continue;
         }

@@ -7,6 +7,7 @@ mod beams;
 mod clip;
 mod confidence;
 mod coverage;
+mod films;
 mod hits;
 mod lighting;
 pub(super) mod normals;
@@ -33,6 +34,7 @@ use crate::structure::Store;
 use bytemuck::Zeroable;
 pub(crate) use confidence::Confidence;
 use coverage::Visible;
+pub(crate) use films::Films;
 use hits::{Hits, PACKET_EDGE, PACKETS, pixel_of};
 use lighting::Lit;
 pub(crate) use pass::Pass;
@@ -49,6 +51,8 @@ struct FilmTile {
     /// Place in pixels of the upper left corner.
     x: u32,
     y: u32,
+    /// How many samples each of its pixels has.
+    samples: u32,
     /// Sum of the light of samples that met a particle, and their number.
     sum: [[f32; 4]; FILM_PIXELS],
     /// What the sample nearest the pixel's center met.
@@ -63,6 +67,8 @@ pub(crate) struct Film {
     tiles: Vec<FilmTile>,
     /// How near samples have come to the centers of their pixels.
     nearness: Nearness,
+    /// The first samples of the passes that were begun, and what was known then.
+    begun: Vec<(u32, Nearness)>,
     /// What the samples met, by film tile and pass, where that is kept.
     kept: Vec<Vec<Hits>>,
     pub(super) keeps: bool,
@@ -74,7 +80,8 @@ impl Film {
         self.kept.iter().flatten().map(Hits::bytes).sum()
     }
 
-    /// What a pass over this film has to know of the samples before it.
+    /// What a pass over this film has to know of the samples before it. A pass that was interrupted can be begun again: it goes on with
+    /// the tiles that are left.
     pub(crate) fn pass<'a>(
         &mut self,
         scene: &'a Scene,
@@ -82,10 +89,24 @@ impl Film {
         added: Samples,
         certified: Options,
     ) -> Pass<'a> {
-        if added.first == 0 {
-            self.nearness = Nearness::NONE;
+        if let Some(again) = self.begun.iter().position(|&(first, _)| first == added.first) {
+            self.nearness = self.begun[again].1.clone();
+            self.begun.truncate(again);
         }
+        self.begun.push((added.first, self.nearness.clone()));
         Pass::new(scene, view, added, certified, &mut self.nearness)
+    }
+
+    /// Forgets all samples.
+    pub(crate) fn clear(&mut self) {
+        self.begun.clear();
+        self.nearness = Nearness::NONE;
+        self.tiles.iter_mut().for_each(|tile| tile.samples = 0);
+    }
+
+    /// Whether every pixel has at least so many samples.
+    pub(crate) fn has(&self, samples: u32) -> bool {
+        self.tiles.iter().all(|tile| tile.samples >= samples)
     }
 
     /// Without samples. Tiles lie along a Morton curve, so that neighbors in time are neighbors in the picture.
@@ -104,20 +125,25 @@ impl Film {
             (tile.x, tile.y) = (x * FILM_EDGE as u32, y * FILM_EDGE as u32);
         }
         let kept = vec![Vec::new(); tiles.len()];
-        Self { width, height, tiles, nearness: Nearness::NONE, kept, keeps: false }
+        Self { width, height, tiles, nearness: Nearness::NONE, begun: Vec::new(), kept, keeps: false }
     }
 
-    /// Writes the mean of `samples` samples a pixel, over the scene's background.
-    pub(crate) fn image_into(&self, scene: &Scene, samples: u32, image: &mut Image) {
+    /// Writes the mean of the samples of each pixel, over the scene's background; nothing but background where there are none.
+    pub(crate) fn image_into(&self, scene: &Scene, image: &mut Image) {
+        image.resize(self.width, self.height);
+        if !self.has(1) {
+            image.color.fill(scene.background.map_or([0.0; 4], |[r, g, b]| [r, g, b, 1.0]));
+            image.depth.fill(f32::INFINITY);
+            image.id.fill(-1);
+        }
+        self.draw_over(scene, image);
+    }
+
+    /// Writes the same into `image`, which has its size, but leaves pixels without samples as they are.
+    pub(crate) fn draw_over(&self, scene: &Scene, image: &mut Image) {
         let width = self.width as usize;
-        let pixels = width * self.height as usize;
-        (image.width, image.height) = (self.width, self.height);
-        image.color.resize(pixels, [0.0; 4]);
-        image.depth.resize(pixels, f32::INFINITY);
-        image.id.resize(pixels, -1);
-        let mean = mean_of(samples, scene.background);
         let mut rows: Vec<Vec<&FilmTile>> = vec![Vec::new(); self.height.div_ceil(FILM_EDGE as u32) as usize];
-        for tile in &self.tiles {
+        for tile in self.tiles.iter().filter(|tile| tile.samples > 0) {
             rows[tile.y as usize / FILM_EDGE].push(tile);
         }
         let stretch = FILM_EDGE * width;
@@ -128,13 +154,14 @@ impl Film {
         );
         columns.into_par_iter().zip(rows).for_each(|((color, depth, id), tiles)| {
             for tile in tiles {
+                let mean = mean_of(tile.samples, scene.background);
                 let columns = FILM_EDGE.min(width - tile.x as usize);
                 // Neighboring pixels often show the same particle.
                 let mut last = (u32::MAX, 0);
                 for (row, pixels) in (0..color.len() / width).zip((0..).step_by(FILM_EDGE)) {
                     for (at, pixel) in (row * width + tile.x as usize..).zip(pixels..pixels + columns) {
                         color[at] = mean(tile.sum[pixel]);
-                        depth[at] = if samples == 0 { f32::INFINITY } else { tile.depth[pixel] };
+                        depth[at] = tile.depth[pixel];
                         id[at] = if depth[at] < f32::INFINITY {
                             if tile.node[pixel] != last.0 {
                                 last = (tile.node[pixel], scene.structure().place(tile.node[pixel]) as i64);
@@ -207,8 +234,13 @@ pub(crate) fn for_each_tile(
                 if progress.cancelled() {
                     return;
                 }
+                // Passes that were interrupted have left some tiles.
+                if film_tile.samples != pass.first {
+                    continue;
+                }
                 scratch.remember(passes, pass);
                 dispatch!(level, simd => render_film_tile(simd, pass, &mut found, film_tile, scratch));
+                film_tile.samples += pass.samples as u32;
                 if keeps {
                     if pass.first == 0 {
                         kept.clear();
@@ -252,6 +284,7 @@ pub(crate) fn shade_each_tile(
                 }
                 let mut found = Found::Before(&kept[at]);
                 dispatch!(level, simd => render_film_tile(simd, pass, &mut found, film_tile, scratch));
+                film_tile.samples += pass.samples as u32;
                 progress.advance(film_tile.pixels_within(width, height) * pass.samples as u64);
             }
         },

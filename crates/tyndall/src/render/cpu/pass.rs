@@ -38,7 +38,7 @@ pub(crate) struct Pass<'a> {
     /// By lane of a block: how far its pixel lies in a film tile behind the block's first.
     pub(super) pixel: [usize; RAYS],
     pub(super) seed: u32,
-    /// The number of the pass's first sample.
+    /// The first of its samples: what the film has before it.
     pub(super) first: u32,
     /// By the block's place: the lanes that are nearer the centers of their pixels than all samples before.
     pub(super) nearest: Vec<Vec<usize>>,
@@ -121,6 +121,11 @@ impl<'a> Pass<'a> {
     /// What was counted so far.
     pub(crate) fn counts(&self) -> Counts {
         *self.counts.lock().expect("no panic while it is held")
+    }
+
+    /// How many samples the film has after it.
+    pub(crate) fn end(&self) -> u32 {
+        self.first + self.samples as u32
     }
 
     /// Pixels along the edge of a tile.

@@ -177,7 +177,7 @@ fn push_children<S: Simd>(
     let (center, half) = bvh.node(place).decode(simd, light.origin, HIT_ROUNDING * light.spread + bvh.slack);
     let center = light.project(simd, center);
     let reach = light.reach(simd, half);
-    let mut kept = span.meets(simd, &center, &reach) & bvh.existing(place);
+    let mut kept = span.meets(simd, &center, &reach) & bvh.shown_children(place);
     let (x, y, z) = (center.x.to_array(), center.y.to_array(), center.z.to_array());
     let (reach_x, reach_y, reach_z) = (reach.x.to_array(), reach.y.to_array(), reach.z.to_array());
     let first = stack.len();
@@ -215,7 +215,8 @@ fn shadow_of_leaf<S: Simd>(
     let particles = bvh.centers(simd, leaf);
     let center = particles.minus(Lanes3::splat(simd, light.origin));
     let ball = Ball(grown(simd, radius, center, light.spread));
-    let mut kept = span.meets(simd, &light.project(simd, center), &light.reach(simd, ball));
+    let shown = bvh.shown(leaf);
+    let mut kept = span.meets(simd, &light.project(simd, center), &light.reach(simd, ball)) & shown;
     let zero = f32x16::splat(simd, 0.0);
     let mut shadowed = 0;
     if lanes.count_ones() < kept.count_ones() {
@@ -230,7 +231,8 @@ fn shadow_of_leaf<S: Simd>(
             let origin = Lanes3::splat(simd, Vec3::new(x[lane], y[lane], z[lane]));
             let (t, meets) = enter_sphere(simd, particles.minus(origin), direction, radius * radius);
             let other = !nodes.simd_eq(u32x16::splat(simd, points.on[lane]));
-            shadowed |= u32::from((other & meets & zero.simd_lt(t)).to_bitmask() != 0) << lane;
+            let met = (other & meets & zero.simd_lt(t)).to_bitmask() as u32 & shown;
+            shadowed |= u32::from(met != 0) << lane;
         }
     } else {
         // Few particles: each against the sixteen points.

@@ -372,7 +372,7 @@ fn push_children<S: Simd>(
     let (center, half) = bvh.node(place).decode(simd, beam.eye, margin);
     let shadow = project(simd, beam, center, half);
     let [touched, open] = shadow.touched_quads(simd, tile);
-    let existing = bvh.existing(place);
+    let existing = bvh.shown_children(place);
     let mut kept = (open[0] | open[1] | open[2] | open[3]) & existing;
     let near = shadow.near.to_array();
     if let Some(memory) = memory {
@@ -418,7 +418,7 @@ fn draw_leaf<S: Simd>(simd: S, bvh: &Bvh, leaf: usize, view: &View, beam: &Beam,
     let center = centers.minus(Lanes3::splat(simd, beam.eye));
     let shadow = project(simd, beam, center, Ball(grown(simd, radius, center, beam.spread)));
     let [_, open] = shadow.touched_quads(simd, tile);
-    let mut kept = open[0] | open[1] | open[2] | open[3];
+    let mut kept = (open[0] | open[1] | open[2] | open[3]) & bvh.shown(leaf);
     if let Some(block_px) = beam.centers {
         kept &= shadow.holds_centers(simd, block_px);
     }

@@ -41,12 +41,16 @@ struct Content<'a> {
 }
 
 impl<'a> Content<'a> {
-    /// Fails with [`Error::Setting`] if the structure is none that the card walks.
+    /// Fails with [`Error::Setting`] or [`Error::Device`] if the structure is none that the card walks.
     fn of(scene: &'a Scene) -> Result<Self> {
         let Store::Bvh(bvh) = &scene.structure().store else {
             let allowed = "bvh on the GPU; the others are for --device cpu";
             return Err(Error::setting("--structure", "another", allowed));
         };
+        if !bvh.is_as_built() {
+            let what = "particles that are hidden or scaled after the build are not for the GPU yet";
+            return Err(Error::Device(format!("{what}; --device cpu")));
+        }
         let arrays = bvh.arrays();
         let sizes = match arrays.sizes {
             SizeArrays::Uniform(_) => (Sizes::Uniform, &[][..]),

@@ -41,15 +41,15 @@ impl Bvh {
         if packing == Packing::Exact {
             // Nothing to compare with: their memory is free for the nodes.
             drop(records);
-            return Ok(Self::over(blocks, sizes, ids));
+            return Ok(Self::over(blocks, sizes, ids, 1.0));
         }
-        let bvh = Self::over(blocks, sizes, ids);
+        let bvh = Self::over(blocks, sizes, ids, 1.0);
         let packing_error = Some(packing_error::measure(&records, radius, &bvh));
         Ok(Self { packing_error, ..bvh })
     }
 
-    /// Puts nodes over leaves.
-    pub(super) fn over(blocks: Blocks, sizes: Sizes, ids: Vec<u32>) -> Self {
+    /// Puts nodes over leaves of particles with `radius_scale` times the radii of `sizes`.
+    pub(super) fn over(blocks: Blocks, sizes: Sizes, ids: Vec<u32>, radius_scale: f32) -> Self {
         let (mut first, mut count) = ([0; LEVELS], [0; LEVELS]);
         count[0] = ids.len().div_ceil(LEAF) as u32;
         let mut boxes: Vec<Bounds> = (0..count[0] as usize)
@@ -59,7 +59,7 @@ impl Bvh {
                 let places = 0..LEAF.min(ids.len() - leaf * LEAF);
                 let sphere = |place| {
                     let center = blocks.center(leaf, place);
-                    Bounds { min: center, max: center }.grown(sizes.radius(leaf, place))
+                    Bounds { min: center, max: center }.grown(radius_scale * sizes.radius(leaf, place))
                 };
                 places.map(sphere).fold(Bounds::EMPTY, Bounds::union)
             })
@@ -78,7 +78,21 @@ impl Bvh {
         }
         let bounds = boxes.first().copied().unwrap_or(Bounds::EMPTY);
         let slack = box_slack(&bounds);
-        Self { nodes, first, count, top: top as u8, blocks, sizes, ids, slack, bounds, packing_error: None }
+        Self {
+            nodes,
+            first,
+            count,
+            top: top as u8,
+            blocks,
+            sizes,
+            radius_scale,
+            ids,
+            slack,
+            bounds,
+            boxes: bounds,
+            packing_error: None,
+            shown: None,
+        }
     }
 }
 

@@ -4,7 +4,7 @@
 //! the last, and nothing points to anything. A node is one cache line: the boxes of its children in 8 bits a coordinate, rounded
 //! outward: invariant: a decoded box holds every sphere below it, as its block decodes it.
 //! `build` sorts the particles and writes all this; `block` and `sizes` are what a leaf holds, `packing_error` what that costs; `rays`
-//! walks it with single rays; the walks of many rays at once stand in `render::cpu`.
+//! walks it with single rays, `shown` hides particles from all walks; the walks of many rays at once stand in `render::cpu`.
 
 #[cfg(feature = "gpu")]
 mod arrays;
@@ -12,6 +12,7 @@ mod block;
 mod build;
 mod packing_error;
 mod rays;
+mod shown;
 mod sizes;
 mod stream;
 
@@ -19,7 +20,7 @@ use fearless_simd::{f32x8, f32x16, prelude::*};
 use glam::Vec3;
 
 use super::box_slack;
-use crate::math::{Bounds, HIT_ROUNDING, Ray};
+use crate::math::{Bounds, HIT_ROUNDING};
 use crate::simd::{Lanes3, floats_of_bytes};
 #[cfg(feature = "gpu")]
 pub(crate) use arrays::{Arrays, SizeArrays};
@@ -27,6 +28,8 @@ pub use block::Packing;
 use block::{Blocks, power_of_two, step_exponent};
 use bytemuck::{Pod, Zeroable};
 pub use packing_error::PackingError;
+pub(super) use rays::Slabs;
+use shown::Shown;
 use sizes::Sizes;
 
 /// Particles in a leaf.
@@ -98,45 +101,6 @@ impl Node {
         let rounding = f32x8::splat(simd, HIT_ROUNDING);
         (middle, (middle.abs() + half).mul_add(rounding, half + f32x8::splat(simd, margin)))
     }
-
-    /// Where a ray enters and leaves the slabs of the child boxes along one axis, in order; both give way by the rounding of what
-    /// lies there and by `margin`.
-    #[inline(always)]
-    fn cross_axis<S: Simd>(
-        &self,
-        simd: S,
-        axis: usize,
-        origin: f32,
-        inv_direction: f32,
-        margin: f32,
-    ) -> (f32x8<S>, f32x8<S>) {
-        let step = power_of_two(self.exponent[axis]);
-        let to_corner = self.corner[axis] - origin;
-        let give = (HIT_ROUNDING * (to_corner.abs() + 256.0 * step) + margin) * inv_direction.abs();
-        let steps = floats_of_bytes(simd, &self.steps[axis]);
-        let t = steps.mul_add(
-            f32x16::splat(simd, step * inv_direction),
-            f32x16::splat(simd, to_corner * inv_direction),
-        );
-        let (lower, upper) = t.split();
-        let give = f32x8::splat(simd, give);
-        (lower.min(upper) - give, lower.max(upper) + give)
-    }
-
-    /// Where a ray enters and leaves the child boxes, which it meets where the first is not behind the second.
-    #[inline(always)]
-    pub(in crate::structure) fn cross<S: Simd>(
-        &self,
-        simd: S,
-        ray: &Ray,
-        inv_direction: Vec3,
-        margin: f32,
-    ) -> (f32x8<S>, f32x8<S>) {
-        let x = self.cross_axis(simd, 0, ray.origin.x, inv_direction.x, margin);
-        let y = self.cross_axis(simd, 1, ray.origin.y, inv_direction.y, margin);
-        let z = self.cross_axis(simd, 2, ray.origin.z, inv_direction.z, margin);
-        (x.0.max(y.0).max(z.0), x.1.min(y.1).min(z.1))
-    }
 }
 
 /// Pushes `entry` onto the part of the stack from `first` on, so that what is nearest comes off first. For the few children of a node.
@@ -163,13 +127,19 @@ pub struct Bvh {
     count: [u32; LEVELS],
     top: u8,
     blocks: Blocks,
+    /// Radii as they were built; `radius_scale` times that is what is seen.
     sizes: Sizes,
+    radius_scale: f32,
     /// Of every particle of the tree the id.
     ids: Vec<u32>,
-    /// By how much boxes are grown against the rounding of decoded coordinates.
+    /// By how much boxes are grown against the rounding of decoded coordinates, and since radii were scaled.
     pub(crate) slack: f32,
     bounds: Bounds,
+    /// What the boxes of the root hold, without the margin of scaled radii.
+    boxes: Bounds,
     packing_error: Option<PackingError>,
+    /// Which particles are shown, where that is not all.
+    shown: Option<Shown>,
 }
 
 impl Bvh {
@@ -198,7 +168,7 @@ impl Bvh {
 
     /// A bit for every child that a node has.
     #[inline(always)]
-    pub(crate) fn existing(&self, place: Place) -> u32 {
+    fn existing(&self, place: Place) -> u32 {
         let below = self.count[place.level as usize - 1] - place.index * WIDTH as u32;
         (1 << below.min(WIDTH as u32)) - 1
     }
@@ -212,14 +182,28 @@ impl Bvh {
     /// The radii of a leaf's particles.
     #[inline(always)]
     pub(crate) fn radii<S: Simd>(&self, simd: S, leaf: usize) -> f32x16<S> {
-        self.sizes.radii(simd, leaf)
+        self.sizes.radii(simd, leaf) * f32x16::splat(simd, self.radius_scale)
     }
 
     /// See [`super::Structure::sphere`]: a node is a leaf's place, times sixteen, plus the particle's place therein.
     #[inline(always)]
     pub fn sphere(&self, node: u32) -> (Vec3, f32) {
         let (leaf, place) = (node as usize / LEAF, node as usize % LEAF);
-        (self.blocks.center(leaf, place), self.sizes.radius(leaf, place))
+        (self.blocks.center(leaf, place), self.radius_scale * self.sizes.radius(leaf, place))
+    }
+
+    /// The same particles with radii `scale` times those that were built. One radius for all moves all boxes alike, by a margin that
+    /// walks add; where radii differ, boxes are found anew.
+    pub(in crate::structure) fn scaled(self, scale: f32) -> Self {
+        let built = Self { radius_scale: scale, ..self };
+        let Sizes::Uniform(radius) = built.sizes else {
+            let Self { blocks, sizes, ids, shown, packing_error, .. } = built;
+            return Self { shown, packing_error, ..Self::over(blocks, sizes, ids, scale) };
+        };
+        let grown = (scale - 1.0) * radius;
+        let bounds = built.boxes.grown(grown);
+        let slack = box_slack(&built.boxes.union(bounds)) + grown;
+        Self { bounds, slack, ..built }
     }
 
     /// The ids, by node.

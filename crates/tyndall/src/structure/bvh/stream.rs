@@ -69,7 +69,7 @@ impl Bvh {
             }
         }
         let packing_error = (packing != Packing::Exact).then(|| sums.error(ids.len()));
-        let bvh = Self { packing_error, ..Self::over(blocks, Sizes::Uniform(radius), ids) };
+        let bvh = Self { packing_error, ..Self::over(blocks, Sizes::Uniform(radius), ids, 1.0) };
         Ok((bvh, source.len() - kept))
     }
 }

@@ -9,6 +9,7 @@
 //! Tracing of Particles.
 
 mod build;
+mod shown;
 mod walk;
 
 use glam::Vec3;
@@ -18,6 +19,7 @@ use super::build::Record;
 use super::pages;
 use crate::math::Bounds;
 pub(super) use build::{place_in_order, reorder, sort};
+use shown::Shown;
 pub(super) use walk::{Stack, walk};
 
 /// Which dimension a node splits.
@@ -101,6 +103,10 @@ pub(super) struct Columns {
     radii: Vec<f32>,
     /// The radius of all where they do not.
     uniform: f32,
+    /// By what radii are scaled since they were built, here and in the heaps.
+    radius_scale: f32,
+    /// Which particles are shown, where that is not all.
+    shown: Option<Shown>,
     /// Of every node the id.
     ids: Vec<u32>,
     /// The axes of each heap's nodes above the lowest levels, from the eighth part of its first place on.
@@ -131,6 +137,8 @@ impl Columns {
             center: [column(0), column(1), column(2)],
             radii: if N > 3 { column(N - 1) } else { Vec::new() },
             uniform,
+            radius_scale: 1.0,
+            shown: None,
             ids: nodes().map(|node| records[place(node)].id).collect(),
             axes: vec![0; records.len() / 8],
         }
@@ -148,7 +156,18 @@ impl Columns {
     pub(super) fn sphere(&self, node: u32) -> (Vec3, f32) {
         let node = node as usize;
         let center = Vec3::new(self.center[0][node], self.center[1][node], self.center[2][node]);
-        (center, if self.radii.is_empty() { self.uniform } else { self.radii[node] })
+        let radius = if self.radii.is_empty() { self.uniform } else { self.radii[node] };
+        (center, self.radius_scale * radius)
+    }
+
+    /// Scales radii, by a factor on those that were built.
+    pub(super) fn scale_radii(&mut self, scale: f32) {
+        self.radius_scale = scale;
+    }
+
+    /// By what radii are scaled.
+    pub(super) fn radius_scale(&self) -> f32 {
+        self.radius_scale
     }
 
     /// The ids, by node.

@@ -53,7 +53,9 @@ pub(in crate::structure) fn walk<S: Simd, O: Observer>(
     let inv_direction = search.inv_direction;
     let ray = *search.ray();
     let farthest = (heap.centers.center() - ray.origin).abs() + heap.centers.extent();
-    let margin = heap.radius * (1.0 + HIT_ROUNDING) + HIT_ROUNDING * farthest.max_element() + slack;
+    let margin = columns.radius_scale * heap.radius * (1.0 + HIT_ROUNDING)
+        + HIT_ROUNDING * farthest.max_element()
+        + slack;
     let t_margin = (margin * inv_direction).abs().to_array();
     let grown = heap.centers.grown(margin);
     let (to_min, to_max) =
@@ -68,8 +70,10 @@ pub(in crate::structure) fn walk<S: Simd, O: Observer>(
     };
     let mut top = 0;
     loop {
-        if region.t_near <= region.t_far && region.t_near <= search.t_far {
-            let place = first + region.node as usize;
+        let place = first + region.node as usize;
+        // Regions of the lowest levels may lie behind the last particle.
+        let is_shown = region.node as usize >= count || columns.shows_any(place);
+        if region.t_near <= region.t_far && region.t_near <= search.t_far && is_shown {
             search.visit(1, 0);
             // Nodes are tried before their children, those of four levels together: some of the topmost twice, which changes
             // nothing, unless every hit is to be told once.
@@ -84,7 +88,7 @@ pub(in crate::structure) fn walk<S: Simd, O: Observer>(
             } else if region.test_only {
                 search.visit(0, 1);
                 let (center, radius) = columns.sphere(place as u32);
-                if search.try_one(center, radius, place as u32, &columns.ids) {
+                if columns.shows(place) && search.try_one(center, radius, place as u32, &columns.ids) {
                     return true;
                 }
             }
@@ -137,7 +141,7 @@ fn try_four_levels<S: Simd, O: Observer>(
         true => f32x16::splat(simd, columns.uniform),
         false => lanes(simd, &columns.radii, starts),
     };
-    let (t, met) = search.enter(simd, center, radius);
+    let (t, met) = search.enter(simd, center, radius * f32x16::splat(simd, columns.radius_scale));
     let existing = |start: usize, width: usize| (1u32 << (first + count - start).min(width)) - 1;
     let existing = existing(starts[0], 8)
         | existing(starts[1], 4) << 8
@@ -157,7 +161,7 @@ fn try_four_levels<S: Simd, O: Observer>(
             12..14 => starts[2] + lane - 12,
             _ => starts[3],
         };
-        if search.meet(t[lane], place as u32, &columns.ids) {
+        if columns.shows(place) && search.meet(t[lane], place as u32, &columns.ids) {
             return true;
         }
     }

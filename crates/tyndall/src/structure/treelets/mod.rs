@@ -12,11 +12,12 @@ use fearless_simd::{Level, dispatch, f32x8, prelude::*};
 use fearless_simd_macros::simd;
 use glam::Vec3;
 
-use super::Hit;
-use super::bvh::{Node, WIDTH};
+use super::bvh::{Node, Slabs, WIDTH};
 use super::heap::{self, Columns, Heap, Stack};
 use super::pkd;
 use super::search::{Observer, Search};
+use super::selection::Test;
+use super::{Hit, box_slack};
 use crate::math::{Bounds, Ray};
 
 /// Where a run of particles is cut in two.
@@ -100,7 +101,48 @@ impl Treelets {
     /// Ends a search that has begun.
     pub(super) fn search<O: Observer>(&self, mut search: Search<O>) -> Option<Hit> {
         dispatch!(Level::new(), simd => walk(simd, self, &mut search));
-        search.found()
+        search.found(self.ids())
+    }
+
+    /// The same particles with radii `scale` times those that were built; boxes are found anew.
+    pub(super) fn scaled(mut self, scale: f32) -> Self {
+        self.columns.scale_radii(scale);
+        if !self.nodes.is_empty() {
+            self.bounds = self.fit(0);
+        }
+        self.slack = box_slack(&self.bounds);
+        self
+    }
+
+    /// Finds the boxes of the children of a node anew; its own box.
+    fn fit(&mut self, node: usize) -> Bounds {
+        let children = self.children[node];
+        let count = children.existing.count_ones() as usize;
+        let boxes: Vec<Bounds> = (0..count)
+            .map(|child| match children.child(child) {
+                Child::Node(place) => self.fit(place as usize),
+                Child::Treelet(place) => {
+                    let (heap, count) = self.heap(place as usize);
+                    let nodes = heap.first..heap.first + count as u32;
+                    let spheres = nodes.map(|node| self.sphere(node));
+                    let boxes =
+                        spheres.map(|(center, radius)| Bounds { min: center, max: center }.grown(radius));
+                    boxes.fold(Bounds::EMPTY, Bounds::union)
+                }
+            })
+            .collect();
+        self.nodes[node] = Node::encode(&boxes);
+        boxes.into_iter().fold(Bounds::EMPTY, Bounds::union)
+    }
+
+    /// See [`super::Structure::show`].
+    pub(super) fn show(&mut self, tests: &[Test]) -> u64 {
+        self.columns.show(tests, &self.heaps)
+    }
+
+    /// See [`super::Structure::shows`].
+    pub(super) fn shows(&self, node: u32) -> bool {
+        self.columns.shows(node as usize)
     }
 
     /// See [`super::Structure::sphere`].
@@ -141,7 +183,8 @@ fn walk<S: Simd, O: Observer>(simd: S, treelets: &Treelets, search: &mut Search<
     if treelets.nodes.is_empty() {
         return;
     }
-    let ray = *search.ray();
+    let t_min = search.ray().t_min;
+    let slabs = Slabs::new(simd, (treelets.bounds, treelets.slack), search.ray(), search.inv_direction);
     let mut regions = Stack::default();
     let mut stack = [(0.0_f32, Child::Node(0)); STACK];
     let mut top = 1;
@@ -164,8 +207,8 @@ fn walk<S: Simd, O: Observer>(simd: S, treelets: &Treelets, search: &mut Search<
         };
         // Meet the eight boxes at once.
         search.visit(1, 0);
-        let (enter, leave) = treelets.nodes[place].cross(simd, &ray, search.inv_direction, treelets.slack);
-        let enter = enter.max(f32x8::splat(simd, ray.t_min));
+        let (enter, leave) = slabs.cross(simd, &treelets.nodes[place]);
+        let enter = enter.max(f32x8::splat(simd, t_min));
         let leave = leave.min(f32x8::splat(simd, search.t_far));
         let children = &treelets.children[place];
         let mut kept = enter.simd_le(leave).to_bitmask() as u32 & u32::from(children.existing);

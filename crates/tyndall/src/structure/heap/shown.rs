@@ -1,0 +1,49 @@
+//! Which particles of heaps are shown, and which subtrees show any.
+
+use rayon::prelude::*;
+
+use super::{Columns, Heap};
+use crate::structure::selection::{RUN, Test, all_bits, shows};
+
+/// A bit a node, sixteen a word: whether it is shown itself, and whether anything of its subtree is.
+pub(super) struct Shown {
+    own: Vec<u16>,
+    any: Vec<u16>,
+}
+
+impl Columns {
+    /// Shows the particles that fulfill all tests; without a test all. Returns how many. `heaps` are all, in order.
+    pub(in crate::structure) fn show(&mut self, tests: &[Test], heaps: &[Heap]) -> u64 {
+        self.shown = None;
+        let count = self.ids.len();
+        if tests.is_empty() {
+            return count as u64;
+        }
+        let own = all_bits(count, tests, |node| self.sphere(node as u32).0);
+        let mut any = own.clone();
+        for (place, heap) in heaps.iter().enumerate() {
+            let first = heap.first as usize;
+            let end = heaps.get(place + 1).map_or(count, |next| next.first as usize);
+            // Children come after their parents.
+            for node in (1..end - first).rev() {
+                let parent = first + (node - 1) / 2;
+                any[parent / RUN] |= u16::from(shows(&any, first + node)) << (parent % RUN);
+            }
+        }
+        let shown = own.par_iter().map(|bits| u64::from(bits.count_ones())).sum();
+        self.shown = Some(Shown { own, any });
+        shown
+    }
+
+    /// Whether the particle at `node` is shown.
+    #[inline(always)]
+    pub(in crate::structure) fn shows(&self, node: usize) -> bool {
+        self.shown.as_ref().is_none_or(|shown| shows(&shown.own, node))
+    }
+
+    /// Whether anything below `node` is shown, itself included.
+    #[inline(always)]
+    pub(super) fn shows_any(&self, node: usize) -> bool {
+        self.shown.as_ref().is_none_or(|shown| shows(&shown.any, node))
+    }
+}

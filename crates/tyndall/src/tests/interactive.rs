@@ -1,0 +1,215 @@
+//! A resident scene that was changed shows what a scene made that way shows, bit for bit, however often it was interrupted.
+
+use std::sync::atomic::{AtomicI64, Ordering};
+
+use glam::{DVec3, Vec3};
+
+use super::scenes::{LAWS, Law, Random, camera, particles};
+use super::visibility::{differing_pixels, image};
+use crate::particles::{Particles, Radii};
+use crate::progress::Progress;
+use crate::render::interactive::{Detail, Interactive};
+use crate::render::{Culling, Renderer, Settings};
+use crate::scene::Scene;
+use crate::scene::camera::Camera;
+use crate::scene::color::ParticleColors;
+use crate::scene::light::Lighting;
+use crate::structure::selection::{HalfSpace, Rule};
+use crate::structure::{Kind, Structure, pkd};
+use fearless_simd::Level;
+
+/// Says stop after so many questions.
+struct Budget(AtomicI64);
+
+impl Budget {
+    fn of(questions: i64) -> Self {
+        Self(AtomicI64::new(questions))
+    }
+}
+
+impl Progress for Budget {
+    fn begin(&self, _: &str, _: Option<u64>, _: &'static str) {}
+    fn advance(&self, _: u64) {}
+    fn cancelled(&self) -> bool {
+        self.0.fetch_sub(1, Ordering::Relaxed) <= 0
+    }
+}
+
+/// All that can be changed.
+#[derive(Clone)]
+struct State {
+    camera: Camera,
+    settings: Settings,
+    color: [f32; 3],
+    lighting: Lighting,
+    background: Option<[f32; 3]>,
+    radius_scale: f32,
+    half_spaces: Vec<HalfSpace>,
+}
+
+impl State {
+    fn first(particles: &Particles, random: &mut Random) -> Self {
+        Self {
+            camera: camera(&particles.bounds(), random),
+            settings: Settings { width: 70, height: 45, samples: 21, seed: 1, culling: Culling::default() },
+            color: [0.5; 3],
+            lighting: Lighting::Headlight,
+            background: None,
+            radius_scale: 1.0,
+            half_spaces: Vec::new(),
+        }
+    }
+
+    /// Changes one thing, here and there.
+    fn change(&mut self, interactive: &mut Interactive, particles: &Particles, random: &mut Random) {
+        match random.below(6) {
+            0 => {
+                self.camera = camera(&particles.bounds(), random);
+                interactive.look_from(self.camera).unwrap();
+            }
+            1 => {
+                let samples = [1, 4, 21][random.below(3) as usize];
+                let (width, height) = (40 + random.below(40), 20 + random.below(30));
+                let culling = [Culling::Off, Culling::default()][random.below(2) as usize];
+                self.settings = Settings { width, height, samples, seed: random.below(9), culling };
+                interactive.set(self.settings).unwrap();
+            }
+            2 => {
+                self.color = [random.unit(), 0.5, random.unit()];
+                interactive.recolor(ParticleColors::constant(self.color));
+            }
+            3 => {
+                self.lighting = match random.below(3) {
+                    0 => Lighting::Flat,
+                    1 => Lighting::studio(Vec3::X, Vec3::NEG_Y, Vec3::Z),
+                    _ => Lighting::Headlight,
+                };
+                self.background = (random.below(2) == 0).then_some([0.1, 0.2, 0.3]);
+                interactive.light(self.lighting, self.background);
+            }
+            4 => {
+                self.radius_scale = 3.0 * random.unit();
+                interactive.scale_radii(self.radius_scale).unwrap();
+            }
+            _ => {
+                let normal = random.vector().as_dvec3();
+                let distance = normal.dot(DVec3::splat(0.2 * f64::from(random.unit())));
+                self.half_spaces = vec![HalfSpace { normal, distance }];
+                interactive.select(&[], &self.half_spaces).unwrap();
+            }
+        }
+    }
+
+    fn scene(&self, particles: &Particles, radii: &Radii, kind: Kind) -> Scene {
+        let mut structure = Structure::build(kind, particles.clone(), radii, self.radius_scale, &()).unwrap();
+        structure.show(&self.half_spaces.iter().copied().map(Rule::HalfSpace).collect::<Vec<_>>());
+        Scene::new(structure, ParticleColors::constant(self.color), self.lighting, self.background)
+    }
+}
+
+const KINDS: [Kind; 2] = [
+    Kind::Bvh(crate::structure::Packing::Exact),
+    Kind::Pkd(pkd::Options { axis: pkd::Axis::WidestExtent, order: pkd::Order::NodeFirst }),
+];
+
+#[test]
+fn changes_come_to_what_a_scene_made_that_way_shows() {
+    for seed in 0..24 {
+        let mut random = Random::new(11_000 + seed);
+        let (particles, radii) = particles(LAWS[seed as usize % LAWS.len()], 500, &mut random);
+        let kind = KINDS[seed as usize % 2];
+        let mut state = State::first(&particles, &mut random);
+        let scene = state.scene(&particles, &radii, kind);
+        let mut interactive = Interactive::new(scene, state.camera, state.settings).unwrap();
+        for edit in 0..8 {
+            state.change(&mut interactive, &particles, &mut random);
+            if random.below(3) == 0 {
+                // Two changes before the next picture, or in the middle of one.
+                interactive.refine(&Budget::of(random.below(12).into())).unwrap();
+                state.change(&mut interactive, &particles, &mut random);
+            }
+            let mut calls = 0;
+            while !interactive.is_done() {
+                interactive.refine(&Budget::of(1 + i64::from(random.below(30)))).unwrap();
+                calls += 1;
+                assert!(calls < 1000, "it ends");
+            }
+            let scene = state.scene(&particles, &radii, kind);
+            let expected = image(&scene, &state.camera, &state.settings, Level::new());
+            let differing = differing_pixels(&expected, interactive.image());
+            assert_eq!(differing, 0, "seed {seed}, edit {edit}: {kind:?}");
+        }
+    }
+}
+
+/// A resident scene of a few hundred particles.
+fn resident(samples: u32) -> Interactive {
+    let mut random = Random::new(5);
+    let (particles, radii) = particles(Law::Uniform, 300, &mut random);
+    let mut state = State::first(&particles, &mut random);
+    state.settings.samples = samples;
+    let scene = state.scene(&particles, &radii, KINDS[0]);
+    Interactive::new(scene, state.camera, state.settings).unwrap()
+}
+
+#[test]
+fn a_picture_goes_from_coarse_to_fine_and_the_next_begins_where_time_allows() {
+    let mut it = resident(4);
+    assert_eq!(it.refine(&Budget::of(0)).unwrap(), Detail::Stale);
+    assert!(it.image().color.is_empty(), "no picture yet");
+    // 70 x 45 pixels are one tile in blocks of 8 and of 4, four in blocks of 2.
+    assert_eq!(it.refine(&Budget::of(1)).unwrap(), Detail::Block(8));
+    let image = it.image();
+    assert_eq!((image.width, image.height, image.id.len()), (70, 45, 70 * 45));
+    for (pixel, id) in image.id.iter().enumerate() {
+        let (x, y) = (pixel % 70, pixel / 70);
+        assert_eq!(*id, image.id[y / 8 * 8 * 70 + x / 8 * 8], "a block has one id");
+    }
+    assert_eq!(it.refine(&Budget::of(1)).unwrap(), Detail::Block(4));
+    assert_eq!(it.refine(&Budget::of(100)).unwrap(), Detail::Samples(4));
+    assert!(it.is_done());
+    // Views that are finished at once need no coarse steps; one that is not makes the next begin coarser.
+    it.look_from(*it.camera()).unwrap();
+    assert!(!it.is_done());
+    assert_eq!(it.refine(&()).unwrap(), Detail::Samples(4));
+    it.look_from(*it.camera()).unwrap();
+    assert_eq!(it.refine(&Budget::of(3)).unwrap(), Detail::Stale, "begins with the finished picture");
+    it.look_from(*it.camera()).unwrap();
+    assert_eq!(it.refine(&Budget::of(9)).unwrap(), Detail::Block(1));
+}
+
+#[test]
+fn a_pixel_is_picked_as_it_is_seen() {
+    let mut it = resident(1);
+    it.refine(&()).unwrap();
+    let mut met = 0;
+    for (pixel, (&id, &depth)) in it.image().id.iter().zip(&it.image().depth).enumerate() {
+        let pick = it.pick(pixel as u32 % 70, pixel as u32 / 70);
+        let seen = (id >= 0).then_some((id as u64, depth));
+        assert_eq!(pick.map(|pick| (pick.place, pick.depth)), seen);
+        if let Some(pick) = pick {
+            let (center, radius) = it.scene().structure().sphere(pick.node);
+            let from_center = pick.position - it.scene().structure().origin() - center.as_dvec3();
+            assert!((from_center.length() / f64::from(radius) - 1.0).abs() < 1e-3, "on its surface");
+            met += 1;
+        }
+    }
+    assert!(met > 100, "{met} pixels show a particle");
+    assert!(it.scale_radii(-1.0).is_err() && it.scale_radii(f32::NAN).is_err());
+}
+
+#[test]
+fn a_renderer_that_was_interrupted_goes_on() {
+    let mut random = Random::new(6);
+    let (particles, radii) = particles(Law::Uniform, 300, &mut random);
+    let state = State::first(&particles, &mut random);
+    let scene = state.scene(&particles, &radii, KINDS[0]);
+    let expected = image(&scene, &state.camera, &state.settings, Level::new());
+    let mut renderer = Renderer::new(&scene, &state.camera, &state.settings).unwrap();
+    let mut interrupted = 0;
+    while !renderer.is_done() {
+        interrupted += u32::from(renderer.pass(&Budget::of(3)).is_err());
+    }
+    assert!(interrupted > 3);
+    assert_eq!(differing_pixels(&expected, &renderer.image()), 0);
+}
