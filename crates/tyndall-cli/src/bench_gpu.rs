@@ -398,8 +398,8 @@ impl Bench<'_> {
         Settings { width: size.width, height: size.height, samples, seed: 0, culling: Culling::Off }
     }
 
-    /// A structure, its cameras, and the seconds to build it.
-    fn build(&self, set: &str, count: Option<u64>) -> Outcome<(Structure, Vec<(&'static str, Camera)>, f64)> {
+    /// Makes and arranges a set.
+    fn build(&self, set: &str, count: Option<u64>) -> Outcome<Built> {
         let progress = self.report.progress();
         let text = match count {
             Some(count) => format!("{set}?n={count}&seed=1"),
@@ -506,6 +506,9 @@ impl Bench<'_> {
         Ok(count as f64 / times[times.len() / 2])
     }
 }
+
+/// A structure, its cameras by name, and the seconds to build it.
+type Built = (Structure, Vec<(&'static str, Camera)>, f64);
 
 /// What was measured of one picture.
 struct Frames {
