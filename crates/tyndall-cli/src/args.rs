@@ -9,6 +9,7 @@ use tyndall::scene::coloring::{Coloring, Norm, Range};
 use tyndall::scene::colormap::Colormap;
 use tyndall::scene::viewpoint::Side;
 
+use crate::bench_culling::CullingBench;
 use crate::culling::CullingArgs;
 use crate::device::Choice;
 use crate::medium::args::Medium;
@@ -284,9 +285,9 @@ pub(crate) struct Method {
 /// Which structure finds what a ray meets.
 #[derive(Args)]
 pub(crate) struct StructureArgs {
-    /// Structure over the particles; unless packed, all give the same picture
-    #[arg(long, value_name = "NAME", default_value = "bvh")]
-    pub(crate) structure: StructureName,
+    /// Structure over the particles; unless packed, all give the same picture [default: bvh, for bench culling pkd]
+    #[arg(long, value_name = "NAME")]
+    pub(crate) structure: Option<StructureName>,
     /// Bits of a coordinate in a leaf of bvh, less memory for small errors that are measured and told: exact 16 11 8
     #[arg(long, value_name = "BITS", default_value = "exact")]
     pub(crate) pack: Pack,
@@ -393,7 +394,7 @@ pub(crate) struct Bench {
     /// Particle counts [default: 1e6; of gpu 1e6,1e7,1e8]
     #[arg(long, value_name = "COUNTS", value_delimiter = ',', value_parser = count)]
     pub(crate) n: Vec<u64>,
-    /// Sets of particles [default: packed,uniform,clustered; of gpu also nozzle,virion,fluid,ablation at their own counts]
+    /// Sets of particles [default: packed,uniform,clustered; of culling nozzle,virion,fluid,ablation; of gpu all of these]
     #[arg(long, value_name = "NAMES", value_delimiter = ',')]
     pub(crate) sets: Vec<String>,
     /// Pixels across and down; other than the default compares with nothing
@@ -417,6 +418,8 @@ pub(crate) struct Bench {
     #[command(flatten)]
     pub(crate) structure: StructureArgs,
     #[command(flatten)]
+    pub(crate) culling: CullingBench,
+    #[command(flatten)]
     pub(crate) common: Common,
 }
 
@@ -428,6 +431,8 @@ pub(crate) enum BenchWhat {
     Structures,
     /// Density, light and march, as in the tables of Cha, Son and Ihm 2009
     Medium,
+    /// Culling by confidence, as in chapter 6 of Walloner 2022: a report with pictures
+    Culling,
     /// Spheres on a graphics card
     Gpu,
 }

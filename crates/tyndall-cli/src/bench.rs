@@ -25,10 +25,10 @@ use tyndall::structure::{Kind, Structure, pkd};
 use tyndall::{Image, Vec3, synthetic};
 
 use crate::args;
-use crate::bench_medium;
 use crate::dry_run::check_memory;
 use crate::report::{Outcome, Report};
 use crate::structure;
+use crate::{bench_culling, bench_medium};
 use table::{Cell, Table};
 
 /// What is measured if nothing is said.
@@ -63,7 +63,7 @@ const RAYS: [&str; 9] = [
 
 /// Measures every set at every count.
 pub(crate) fn run(args: &args::Bench, report: &Report) -> Outcome<()> {
-    if !matches!(args.what, args::BenchWhat::Medium | args::BenchWhat::Gpu) {
+    if matches!(args.what, args::BenchWhat::Spheres | args::BenchWhat::Structures) {
         let threads = rayon::current_num_threads();
         report.note(format_args!("tyndall {}, {threads} threads", env!("CARGO_PKG_VERSION")));
     }
@@ -71,6 +71,7 @@ pub(crate) fn run(args: &args::Bench, report: &Report) -> Outcome<()> {
         args::BenchWhat::Spheres => {}
         args::BenchWhat::Structures => return structures::run(args, report),
         args::BenchWhat::Medium => return bench_medium::run(report),
+        args::BenchWhat::Culling => return bench_culling::run(args, report),
         #[cfg(feature = "gpu")]
         args::BenchWhat::Gpu => return crate::bench_gpu::run(args, report),
         #[cfg(not(feature = "gpu"))]
@@ -269,13 +270,13 @@ fn median(mut times: Vec<f64>) -> f64 {
 }
 
 /// Lets the most memory be counted anew, where the system does that.
-fn forget_peak() {
+pub(crate) fn forget_peak() {
     // Elsewhere the peak is that of all sets so far.
     let _ = std::fs::write("/proc/self/clear_refs", "5");
 }
 
 /// The most memory that the process has had, where the system tells.
-fn peak_bytes() -> Option<u64> {
+pub(crate) fn peak_bytes() -> Option<u64> {
     let status = std::fs::read_to_string("/proc/self/status").ok()?;
     let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
     Some(line.trim().strip_suffix("kB")?.trim().parse::<u64>().ok()? * 1024)

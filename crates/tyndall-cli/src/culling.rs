@@ -4,7 +4,7 @@ use clap::builder::RangedU64ValueParser;
 use clap::{Args, ValueEnum};
 use tyndall::render::Culling;
 use tyndall::render::certified::{self, Counts};
-use tyndall::render::confidence::{Interpolation, Neighborhood, Options};
+use tyndall::render::confidence::{Interpolation, Neighborhood, Options, Population};
 use tyndall::scene::grouped;
 
 use crate::report::Report;
@@ -16,7 +16,7 @@ pub(crate) struct CullingArgs {
     #[arg(long, value_name = "HOW", default_value = "certified")]
     pub(crate) culling: CullingName,
     /// Which proofs certified culling seeks
-    #[arg(long, value_name = "PROOF,...", value_delimiter = ',', default_values_t = ALL_PROOFS)]
+    #[arg(long, value_name = "PROOF,...", value_delimiter = ',', default_values_t = DEFAULT_PROOFS)]
     certified: Vec<Proof>,
     #[command(flatten)]
     pub(crate) confidence: ConfidenceArgs,
@@ -56,6 +56,9 @@ pub(crate) struct ConfidenceArgs {
     /// Level of the depth-confidence pyramid that decides, instead of the square around each pixel
     #[arg(long, value_name = "LEVEL", conflicts_with = "kernel_size", value_parser = RangedU64ValueParser::<u32>::new().range(0..=8))]
     pyramid_level: Option<u32>,
+    /// Which particles a pixel's samples are drawn from (N)
+    #[arg(long, value_name = "WHICH", default_value = "frustum")]
+    population: PopulationName,
     /// Samples within which a nearer depth has to pay off (N_budget)
     #[arg(long, value_name = "N", default_value_t = 25)]
     sample_budget: u32,
@@ -81,11 +84,13 @@ pub(crate) enum Proof {
     Clip,
     /// Passes after the first begin with the leaves that the first went through (bvh)
     VisibleSet,
+    /// Parts of pixels that are covered for good hide all behind them from later passes (bvh); not by default, it saves little
+    Coverage,
     /// Shadow rays are answered by bounds in the space of the light (bvh)
     LightBounds,
 }
 
-const ALL_PROOFS: [Proof; 3] = [Proof::Clip, Proof::VisibleSet, Proof::LightBounds];
+const DEFAULT_PROOFS: [Proof; 3] = [Proof::Clip, Proof::VisibleSet, Proof::LightBounds];
 
 impl std::fmt::Display for Proof {
     fn fmt(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
@@ -99,6 +104,7 @@ fn certified_options(proofs: &[Proof]) -> certified::Options {
     certified::Options {
         clip: seeks(Proof::Clip),
         visible_set: seeks(Proof::VisibleSet),
+        coverage: seeks(Proof::Coverage),
         light_bounds: seeks(Proof::LightBounds),
     }
 }
@@ -118,6 +124,15 @@ pub(crate) fn tell(culling: &Culling, counts: &Counts, report: &Report) {
             percent(counts.traced, all),
         ));
     }
+    if options.coverage && counts.leaves > 0 {
+        report.detail(format_args!(
+            "coverage: no ray can see {} of {} leaves, {} of {} bricks",
+            percent(counts.evicted_leaves, counts.leaves),
+            grouped(counts.leaves as usize),
+            counts.evicted_bricks,
+            counts.bricks,
+        ));
+    }
     if options.clip && counts.clipped_rays > 0 {
         report.detail(format_args!(
             "clip: {} rays clipped, {} of them resumed",
@@ -125,6 +140,15 @@ pub(crate) fn tell(culling: &Culling, counts: &Counts, report: &Report) {
             percent(counts.resumed_rays, counts.clipped_rays),
         ));
     }
+}
+
+/// Which particles a pixel's samples are drawn from.
+#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum PopulationName {
+    /// All of its frustum that is not culled, as in the thesis
+    Frustum,
+    /// Those up to the depth in question: fewer artifacts, less culling
+    Depth,
 }
 
 /// Yes or no.
@@ -151,6 +175,10 @@ impl ConfidenceArgs {
                 Some(level) => Neighborhood::Pyramid(level),
                 None => Neighborhood::Kernel(self.kernel_size),
             },
+            population: match self.population {
+                PopulationName::Frustum => Population::Frustum,
+                PopulationName::Depth => Population::UpToDepth,
+            },
             sample_budget: self.sample_budget,
         }
     }
@@ -172,12 +200,16 @@ pub(crate) fn description(culling: &Culling) -> String {
         Culling::Certified(_) => "certified culling".into(),
         Culling::Confidence(options) => {
             let yes = |on: bool| if on { "yes" } else { "no" };
+            let population = match options.population {
+                Population::Frustum => "frustum",
+                Population::UpToDepth => "depth",
+            };
             let together = match options.neighborhood {
                 Neighborhood::Kernel(edge) => format!("ks {edge}"),
                 Neighborhood::Pyramid(level) => format!("pyramid level {level}"),
             };
             format!(
-                "culling by confidence (vc {}, C_occ {}, ci {}, spp {}, dq {}, di {}, {together}, N_budget {}): \
+                "culling by confidence (vc {}, C_occ {}, ci {}, spp {}, dq {}, di {}, {together}, N of the {population}, N_budget {}): \
                  lossy, it may show background where there are particles",
                 options.voxel_count,
                 options.occlusion_confidence,
@@ -211,7 +243,7 @@ mod tests {
 
     #[test]
     fn the_names_of_the_thesis_are_understood() {
-        let words = "test --culling confidence --vc 512 --c-occ 0.9 --ci 64 --spp 16 --dq no --di yes --ks 3";
+        let words = "test --culling confidence --vc 512 --c-occ 0.9 --ci 64 --spp 16 --dq no --di yes --ks 3 --population depth";
         let line = Line::parse_from(words.split(' '));
         let expected = Options {
             voxel_count: 512,
@@ -221,12 +253,15 @@ mod tests {
             depth_quantization: false,
             density_interpolation: Interpolation::Trilinear,
             neighborhood: Neighborhood::Kernel(3),
+            population: Population::UpToDepth,
             sample_budget: 25,
         };
         assert_eq!(culling(&line.args), Culling::Confidence(expected));
         let text = description(&Culling::Confidence(expected));
         assert!(
-            text.contains("vc 512, C_occ 0.9, ci 64, spp 16, dq no, di yes, ks 3, N_budget 25"),
+            text.contains(
+                "vc 512, C_occ 0.9, ci 64, spp 16, dq no, di yes, ks 3, N of the depth, N_budget 25"
+            ),
             "{text}"
         );
     }

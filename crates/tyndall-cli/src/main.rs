@@ -4,6 +4,7 @@
 
 mod args;
 mod bench;
+mod bench_culling;
 mod bench_density;
 #[cfg(feature = "gpu")]
 mod bench_gpu;

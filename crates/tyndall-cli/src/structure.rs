@@ -14,7 +14,8 @@ pub(crate) fn kind(args: &StructureArgs) -> Outcome<Kind> {
         Pack::Bits11 => Packing::Bits11,
         Pack::Bits8 => Packing::Bits8,
     };
-    if packing != Packing::Exact && args.structure != StructureName::Bvh {
+    let structure = args.structure.unwrap_or(StructureName::Bvh);
+    if packing != Packing::Exact && structure != StructureName::Bvh {
         return Err(Failure::Usage("--pack is for --structure bvh only — leave one of them out".into()));
     }
     let heap = pkd::Options {
@@ -27,7 +28,7 @@ pub(crate) fn kind(args: &StructureArgs) -> Outcome<Kind> {
             PkdOrder::Near => pkd::Order::NearChildFirst,
         },
     };
-    Ok(match args.structure {
+    Ok(match structure {
         StructureName::Bvh => Kind::Bvh(packing),
         StructureName::Brute => Kind::Brute,
         StructureName::Pkd => Kind::Pkd(heap),

@@ -123,8 +123,7 @@ pub(crate) fn exp_minus(x: f32) -> f32 {
     let shifted = power + ROUNDS;
     let rest = power - (shifted - ROUNDS);
     let mut sum = 1.540_353_e-4;
-    for coefficient in
-        [1.333_355_8e-3, 9.618_129e-3, 5.550_410_9e-2, 0.240_226_5, std::f32::consts::LN_2, 1.0]
+    for coefficient in [1.333_355_8e-3, 9.618_129e-3, 5.550_411e-2, 0.240_226_5, std::f32::consts::LN_2, 1.0]
     {
         sum = sum * rest + coefficient;
     }

@@ -25,7 +25,7 @@ pub(crate) fn coherent(view: &View, width: u32, height: u32) -> Vec<Ray> {
 }
 
 /// From random points around a box to random points in it; of the unit cube the law of `benches/embree/spheres.cpp`.
-pub(super) fn incoherent(bounds: &Bounds) -> Vec<Ray> {
+pub(crate) fn incoherent(bounds: &Bounds) -> Vec<Ray> {
     let (center, extent) = (bounds.center(), bounds.extent());
     let ray = |number| {
         let mut stream = Stream::new(1, number);

@@ -58,3 +58,27 @@ fn every_structure_is_measured() {
         rows.iter().filter(|row| row["cut"] == "middle").map(|row| row["treelets of"].as_u64().unwrap());
     assert_eq!(sizes.collect::<Vec<_>>(), [16, 64, 256, 1024, 4096]);
 }
+
+#[test]
+fn culling_is_evaluated_as_a_report() {
+    let folder = Folder::new();
+    let report = folder.path("report");
+    let line = format!(
+        "bench culling --sets virion,nozzle --fraction 1e-4 --window 32 --frames 2 --picture-frames 1 -q --report {}",
+        report.display()
+    );
+    folder.line(&line).fine();
+    let text = std::fs::read_to_string(report.join("report.md")).unwrap();
+    for section in ["table 6.3", "table 6.1", "the ceiling", "PSNR", "Findings"] {
+        assert!(text.contains(section), "{section}: {text}");
+    }
+    // Views in two tables, and the knobs of the virion.
+    assert!(text.lines().filter(|line| line.starts_with("| nozzle")).count() >= 12, "{text}");
+    assert!(text.contains("3x3, trilinear") && text.contains("treelets"), "{text}");
+    for figure in ["figure-6.2.png", "figure-6.3-virion.png"] {
+        assert!(text.contains(figure), "{text}");
+        assert!(!super::png(&report.join(figure)).0.is_empty());
+    }
+    folder.line("bench culling --sets packed -q").fails(2, &["--sets", "packed", "virion"]);
+    folder.line("bench culling --fraction 2 -q").fails(2, &["--fraction"]);
+}

@@ -150,7 +150,16 @@ fn a_medium_that_cannot_be_is_refused() {
         ("--light sky:-1", "radiance"),
         ("--light sun:0,0,0:1", "direction"),
         ("--weight nothing", "nothing"),
-        ("--dry-run", "--dry-run is for spheres"),
+        ("--h0 0", "--h0"),
+        ("--h0 nan", "--h0"),
+        ("--gather-radius 0", "--gather-radius"),
+        ("--cache photons --photon-passes 0", "--photon-passes"),
+        ("--correction-scale 1", "scale"),
+        ("--g=-1", "g cannot be '-1'"),
+        ("--albedo=-0.1", "albedo"),
+        ("--method reference --noise 0.5@2", "knows no noise"),
+        ("--light image:", "image:FILE"),
+        ("--light image:-1:sky.hdr", "at least 0"),
     ] {
         folder.render(&format!("{CLOUD} {words} -o a.png")).fails(2, &[part]);
     }
@@ -160,4 +169,135 @@ fn a_medium_that_cannot_be_is_refused() {
         .fails(3, &["nothing of the medium"]);
     folder.render("synthetic:packed?n=9 --background sky -o a.png").fails(2, &["--background", "medium"]);
     assert!(!folder.path("a.png").exists());
+}
+
+#[test]
+fn what_is_odd_but_possible_is_defined() {
+    let folder = Folder::new();
+    // One length for a cloud that is smaller: every grid point meets every particle.
+    let said = folder
+        .render("synthetic:cloud2?n=500 --mode medium --grid 16 --smoothing uniform --h0 300 -o a.png -v")
+        .fine();
+    assert!(said.contains("larger than the scene"), "{said}");
+    folder.render(&format!("{CLOUD} --light point:0,0,0:90 --light sky:0.1 -o inside.png")).fine();
+    assert!(brightness(&folder, "inside.png") > 1.0);
+    let mut rows = String::from("x,y,z,mass\n");
+    for k in 0..200 {
+        rows += &format!("{},{},{},0\n", k % 6, k / 6 % 6, k / 36);
+    }
+    folder.file("weightless.csv", &rows);
+    folder
+        .render("weightless.csv --mode medium -o b.png")
+        .fails(3, &["density is 0 everywhere", "--weight one"]);
+    folder.file("one.csv", "x,y,z\n1,2,3\n");
+    folder.render("one.csv --mode medium --h0 0.5 --grid 16 -o c.png").fine();
+    folder.render("one.csv --mode medium --grid 16 -o d.png").fails(2, &["smoothing length"]);
+    folder.render("synthetic:cloud2?n=0 --mode medium -o d.png").fails(2, &["particle"]);
+}
+
+#[test]
+fn what_does_not_fit_the_memory_says_what_would() {
+    let folder = Folder::new();
+    for more in ["", " --dry-run"] {
+        folder
+            .render(&format!("{CLOUD} --grid 900 --memory 60M -o a.png{more}"))
+            .fails(4, &["a grid of 900x", "needs", "are available", "samples along the longest axis fits"]);
+    }
+    let photons = format!("{CLOUD} --cache photons --photons 2e6 --memory 30M -o a.png");
+    folder.render(&photons).fails(4, &["scatterings of 2000000 photons", "--photons ", "--photon-passes"]);
+    folder.render(&photons.replace("2e6", "2e4 --photon-passes 3")).fine();
+    assert_eq!(folder.names(), ["a.png"]);
+}
+
+#[test]
+fn a_dry_run_says_what_it_would_take_and_writes_nothing() {
+    let folder = Folder::new();
+    let ran = folder.render(&format!("{CLOUD} -o a.%d.png --orbit 90 --frame-count 5 --dry-run"));
+    assert_eq!(ran.code, 0, "{ran:?}");
+    for part in [
+        "dry run: grid 32x",
+        "memory at most",
+        "time without reading about",
+        "for 5 views",
+        "nothing written",
+    ] {
+        assert!(ran.out.contains(part), "'{part}' is not in: {ran:?}");
+    }
+    folder.file("block.raw", [0_u8; 256]);
+    folder.file("a.toml", SCENE);
+    assert!(folder.render("a.toml -o a.png --dry-run").out.contains("dry run: grid 4x4x4"));
+    assert_eq!(folder.names(), ["a.toml", "block.raw"]);
+}
+
+#[test]
+fn a_frame_of_a_medium_that_fails_does_not_stop_the_others() {
+    let folder = Folder::new();
+    let good = |shift: usize| {
+        let row = |k: usize| format!("{},{},{}\n", k % 5 + shift, k / 5 % 5, k / 25);
+        String::from("x,y,z\n") + &(0..125).map(row).collect::<String>()
+    };
+    folder.file("a.csv", good(0));
+    folder.file("b.csv", good(0).replace("3,2,1", "3,2,oops"));
+    folder.file("c.csv", good(1));
+    let flags = "--mode medium --grid 16 --size 32x24 --samples 1";
+    let ran = folder.render(&format!("a.csv b.csv c.csv {flags} -o out.%d.png --statistics s.%d.json"));
+    assert_eq!(ran.code, 6, "{ran:?}");
+    assert!(ran.err.contains("error[E-partial]: 1 of 3 pictures failed, 2 were written"), "{ran:?}");
+    let made = ["out.0.png", "out.2.png", "s.0.json", "s.2.json"];
+    assert_eq!(folder.names()[3..], made);
+    // The camera of the first frame is kept, so that the second picture is not the first.
+    assert_ne!(png(&folder.path("out.0.png")).0, png(&folder.path("out.2.png")).0);
+
+    let said = folder.render(&format!("a.csv b.csv c.csv {flags} -o out.%d.png --skip-existing"));
+    assert!(said.err.contains("note: 2 pictures there already") && said.code == 6, "{said:?}");
+    assert_eq!(folder.render(&format!("b.csv b.csv {flags} -o bad.%d.png")).code, 3);
+    folder
+        .render(&format!("a.csv c.csv {flags} -o out.%d.png --statistics s.json"))
+        .fails(2, &["--statistics", "%04d"]);
+}
+
+#[test]
+fn statistics_of_the_density_are_told_as_json() {
+    let folder = Folder::new();
+    folder.render(&format!("{CLOUD} --neighbors 40 --further-passes 2 -o a.png --statistics s.json")).fine();
+    let text = std::fs::read_to_string(folder.path("s.json")).unwrap();
+    let it: serde_json::Value = serde_json::from_str(&text).unwrap();
+    assert_eq!(
+        (&it["smoothing"], &it["neighbors"], &it["particles"]),
+        (&"three-pass".into(), &40.into(), &4000.into())
+    );
+    assert_eq!((&it["further_passes"], &it["grid"]["size"][0]), (&2.into(), &32.into()));
+    let full = &it["used"]["full"];
+    let [mean, deviation, ratio] = ["mean", "deviation", "ratio"].map(|key| full[key].as_f64().unwrap());
+    assert!((mean / 40.0 - 1.0).abs() < 0.1 && (deviation / mean - ratio).abs() < 1e-9, "{full}");
+    assert!(it["used"]["touched"]["points"].as_u64() > full["points"].as_u64());
+    assert!(it["h0"].as_f64() > Some(0.0) && it["grid"]["mass"].as_f64() > Some(0.0));
+}
+
+/// A Radiance picture of 64 x 32 pixels, `light` all over.
+fn hdr(light: [u8; 4]) -> Vec<u8> {
+    [b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 32 +X 64\n", &light.repeat(64 * 32)[..]].concat()
+}
+
+#[test]
+fn a_picture_of_the_sky_is_a_light() {
+    let folder = Folder::new();
+    folder.file("block.raw", [1.0_f32; 64].iter().flat_map(|it| it.to_le_bytes()).collect::<Vec<u8>>());
+    // 128 * 2^(127 - 136) = 0.25.
+    folder.file("even.hdr", hdr([128, 128, 128, 127]));
+    let image = SCENE.replace("kind = 'sky'\nradiance = 0.25", "kind = 'image'\nfile = 'even.hdr'");
+    folder.file("a.toml", &image);
+    for more in ["", "--method reference --samples 64", "--cache photons --photons 20000"] {
+        folder.render(&format!("a.toml -o a.png {more}")).fine();
+        let found = brightness(&folder, "a.png");
+        // Without absorption the block is invisible in it: 0.25 is 137 in sRGB.
+        assert!((found - 137.0).abs() < 1.0, "{more}: {found}");
+    }
+    folder.render("a.toml -o b.png --light image:3:even.hdr").fine();
+    assert!(brightness(&folder, "b.png") > 200.0, "four times the light");
+    folder.render("a.toml -o c.png --light image:no.hdr").fails(3, &["no.hdr"]);
+    folder.file("bad.hdr", "P6");
+    folder
+        .render("a.toml -o c.png --light image:bad.hdr")
+        .fails(3, &["bad.hdr", "neither an EXR nor an HDR"]);
 }

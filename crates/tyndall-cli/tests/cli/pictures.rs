@@ -258,6 +258,29 @@ fn completions_and_manual_know_every_flag() {
 }
 
 #[test]
+fn culling_by_confidence_is_told_and_can_be_told_to_cull_nothing() {
+    let folder = Folder::new();
+    let knobs = "--culling confidence --vc 16 --ks 3 --di yes";
+    let said = folder.render(&format!("synthetic:packed?n=3e4 -o a.png {knobs} --c-occ 2")).fine();
+    assert!(
+        said.contains("culling by confidence (vc 16, C_occ 2, ci 128, spp 4, dq yes, di yes, ks 3"),
+        "{said}"
+    );
+    let (pixels, _, texts) = png(&folder.path("a.png"));
+    assert!(texts.iter().any(|(key, text)| key == "Settings" && text.contains("lossy")), "{texts:?}");
+    folder.render("synthetic:packed?n=3e4 -o b.png --culling off").fine();
+    assert_eq!(pixels, png(&folder.path("b.png")).0);
+    let bad = |knob: &str, parts: &[&str]| {
+        folder
+            .render(&format!("synthetic:packed?n=500 -o a.png --culling confidence {knob}"))
+            .fails(2, parts);
+    };
+    bad("--ks 4", &["kernel-size", "'4'", "odd"]);
+    bad("--spp 3", &["frame-samples", "'3'", "1, 4 or 16"]);
+    bad("--vc 4096", &["voxel-count", "'4096'", "voxels"]);
+}
+
+#[test]
 fn a_bench_prints_a_table() {
     let folder = Folder::new();
     let ran = folder.line("bench --n 500 --size 40x30 --sets packed -q --structure pkd");

@@ -14,6 +14,9 @@ pub struct Options {
     /// Of several passes at once, those after the first begin with the leaves that the first went through, and walk only what is
     /// no longer hidden behind them (structure `bvh`).
     pub visible_set: bool,
+    /// After the first pass, pixels are searched for parts that are covered for good; what starts behind them is dropped from the visible set,
+    /// and what no tile can see is counted. Takes more time than it saves at 64 samples.
+    pub coverage: bool,
     /// Shadow rays of a direction are answered together, by bounds on both sides in the space of the light: surely shadowed,
     /// surely lit, and traced only between the two (structure `bvh`).
     pub light_bounds: bool,
@@ -21,12 +24,12 @@ pub struct Options {
 
 impl Options {
     /// No proofs: the baseline.
-    pub const OFF: Self = Self { clip: false, visible_set: false, light_bounds: false };
+    pub const OFF: Self = Self { clip: false, visible_set: false, coverage: false, light_bounds: false };
 }
 
 impl Default for Options {
     fn default() -> Self {
-        Self { clip: true, visible_set: true, light_bounds: true }
+        Self { clip: true, visible_set: true, coverage: false, light_bounds: true }
     }
 }
 
@@ -37,6 +40,14 @@ pub struct Counts {
     pub clipped_rays: u64,
     /// See there.
     pub resumed_rays: u64,
+    /// Leaves and bricks (4 million particles) of the structure, and those of them that no ray of the view can see.
+    pub leaves: u64,
+    /// See there.
+    pub evicted_leaves: u64,
+    /// See there.
+    pub bricks: u64,
+    /// See there.
+    pub evicted_bricks: u64,
     /// Points that looked for a light by the bounds of `light_bounds`.
     pub light_points: u64,
     /// Those of them that a bound proved to be shadowed.
@@ -49,6 +60,10 @@ impl AddAssign for Counts {
     fn add_assign(&mut self, other: Self) {
         self.clipped_rays += other.clipped_rays;
         self.resumed_rays += other.resumed_rays;
+        self.leaves += other.leaves;
+        self.evicted_leaves += other.evicted_leaves;
+        self.bricks += other.bricks;
+        self.evicted_bricks += other.evicted_bricks;
         self.light_points += other.light_points;
         self.surely_shadowed += other.surely_shadowed;
         self.traced += other.traced;

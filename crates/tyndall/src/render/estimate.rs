@@ -2,7 +2,7 @@
 //!
 //! The times are those of one core of a 2.x GHz server; they say whether to wait for seconds or for hours, no more.
 
-use super::Settings;
+use super::{Culling, Settings};
 use crate::particles::Particles;
 use crate::structure::{AT_ONCE, Kind, Packing};
 
@@ -16,6 +16,10 @@ const ID_BYTES: u64 = 4;
 const RECORD_BYTES: u64 = 20;
 /// Memory of a pixel: sums, depth, id, and the same in the finished picture, and its bytes on their way to the file.
 const PIXEL_BYTES: u64 = 72;
+/// Memory of a pixel for culling by confidence: two pairs with their counts, the depth at which its rays end, and a copy to read.
+const CONFIDENCE_BYTES: u64 = 48;
+/// Memory of a voxel of its density grid.
+const VOXEL_BYTES: u64 = 4;
 /// Time of a particle in a build, in seconds of a core.
 const BUILD_SECS: f64 = 0.3e-6;
 /// Time of a sample of a headlight or flat picture, in seconds of a core.
@@ -82,8 +86,17 @@ impl Work {
         ID_BYTES + bytes
     }
 
+    /// Memory of the picture, and of what culling keeps; its grid is taken to be a cube, as it is for particles that fill one.
     fn pixel_bytes(&self) -> u64 {
-        u64::from(self.settings.width) * u64::from(self.settings.height) * PIXEL_BYTES
+        let pixels = u64::from(self.settings.width) * u64::from(self.settings.height);
+        let culling = match self.settings.culling {
+            Culling::Off | Culling::Certified(_) => 0,
+            Culling::Confidence(options) => {
+                let voxels = u64::from(options.voxel_count).pow(3).saturating_mul(VOXEL_BYTES);
+                voxels.saturating_add(pixels * CONFIDENCE_BYTES)
+            }
+        };
+        (pixels * PIXEL_BYTES).saturating_add(culling)
     }
 
     /// The time that it takes `threads` cores to build and render, in seconds.
@@ -116,6 +129,9 @@ mod tests {
         assert!(many.seconds(2) > few.seconds(2) && few.seconds(1) > few.seconds(2));
         let all = Work::of_count(u64::MAX, Kind::default(), settings);
         assert_eq!(all.memory_bytes(), u64::MAX);
+        let culling = Culling::Confidence(super::super::confidence::Options::default());
+        let culled = Work { settings: Settings { culling, ..settings }, ..few };
+        assert!(culled.memory_bytes() > few.memory_bytes() + (1 << 26));
         assert!(many.streamed_bytes() < 25_000_000_000, "{}", many.streamed_bytes());
     }
 }

@@ -10,6 +10,8 @@ pub mod estimate;
 #[cfg(feature = "gpu")]
 pub mod gpu;
 pub mod medium;
+pub mod normals;
+mod samples;
 mod sampling;
 mod shade;
 
@@ -19,6 +21,7 @@ use crate::progress::Progress;
 use crate::scene::Scene;
 use crate::scene::camera::{Camera, View};
 use cpu::Film;
+pub use samples::SampleBuffer;
 use sampling::Samples;
 
 /// The knobs of a picture.
@@ -92,7 +95,10 @@ pub struct Renderer<'a> {
     view: View,
     settings: Settings,
     film: Film,
+    culling: Option<cpu::Confidence>,
     samples_done: u32,
+    /// Those since the start.
+    passes: Vec<Samples>,
     counts: certified::Counts,
     level: fearless_simd::Level,
 }
@@ -104,16 +110,13 @@ impl<'a> Renderer<'a> {
         let Settings { width, height, .. } = *settings;
         let view = camera.view(scene.structure().origin(), width, height)?;
         let film = Film::new(width, height);
+        let culling = match settings.culling {
+            Culling::Off | Culling::Certified(_) => None,
+            Culling::Confidence(options) => Some(cpu::Confidence::new(scene, &film, options)?),
+        };
         let level = fearless_simd::Level::new();
-        Ok(Self {
-            scene,
-            view,
-            settings: *settings,
-            film,
-            samples_done: 0,
-            counts: certified::Counts::default(),
-            level,
-        })
+        let (passes, counts) = (Vec::new(), certified::Counts::default());
+        Ok(Self { scene, view, settings: *settings, film, culling, samples_done: 0, passes, counts, level })
     }
 
     /// Uses narrower SIMD than the machine has.
@@ -127,7 +130,8 @@ impl<'a> Renderer<'a> {
         self.samples_done >= self.settings.samples
     }
 
-    /// Adds up to sixteen samples to every pixel. Fails only when interrupted; the film is then incomplete.
+    /// Adds up to sixteen samples to every pixel, with culling by confidence those of a frame. Fails only when interrupted; the
+    /// film is then incomplete.
     pub fn pass(&mut self, progress: &dyn Progress) -> Result<()> {
         let pass = self.next_pass();
         self.add(pass.as_slice(), progress)
@@ -145,13 +149,24 @@ impl<'a> Renderer<'a> {
     /// The next samples of every pixel, if any are missing; they count as done.
     fn next_pass(&mut self) -> Option<cpu::Pass<'a>> {
         let Settings { samples, seed, culling, .. } = self.settings;
-        let added = Samples::after(self.samples_done, samples, seed)?;
+        let at_once = match culling {
+            Culling::Off | Culling::Certified(_) => u32::MAX,
+            Culling::Confidence(options) => options.frame_samples,
+        };
+        let added = Samples::after(self.samples_done, samples, seed)?.at_most(at_once);
         self.samples_done += added.count;
+        self.passes.push(added);
         Some(self.film.pass(self.scene, self.view, added, culling.certified()))
     }
 
     fn add(&mut self, passes: &[cpu::Pass], progress: &dyn Progress) -> Result<()> {
-        cpu::for_each_tile(&mut self.film, passes, self.level, progress);
+        match &mut self.culling {
+            None => cpu::for_each_tile(&mut self.film, passes, None, self.level, progress),
+            // Each pass begins with what all pixels learned in the one before.
+            Some(culling) => passes.chunks(1).for_each(|pass| {
+                cpu::for_each_tile(&mut self.film, pass, Some(&mut *culling), self.level, progress);
+            }),
+        }
         for pass in passes {
             self.counts += pass.counts();
         }
@@ -168,7 +183,24 @@ impl<'a> Renderer<'a> {
         let Settings { width, height, .. } = self.settings;
         self.view = camera.view(self.scene.structure().origin(), width, height)?;
         self.samples_done = 0;
+        self.passes.clear();
+        if let Some(culling) = &mut self.culling {
+            culling.restart();
+        }
         Ok(())
+    }
+
+    /// Takes what culling by confidence has learned of this view for final, and starts the picture anew.
+    pub fn settle(&mut self) {
+        self.samples_done = 0;
+        if let Some(culling) = &mut self.culling {
+            culling.settle();
+        }
+    }
+
+    /// How far culling by confidence is; none with any other.
+    pub fn confidence(&self) -> Option<confidence::Report> {
+        Some(self.culling.as_ref()?.report(&self.film))
     }
 
     /// The picture of the samples so far.

@@ -22,13 +22,18 @@ pub(crate) struct Samples {
 impl Samples {
     /// Those that come after the first `done` of a picture with `all` samples a pixel; none if it has them.
     pub(super) fn after(done: u32, all: u32, seed: u32) -> Option<Self> {
-        let count = match all - done {
-            0 => return None,
-            1..4 => 1,
+        let samples = Self { seed, first: done, count: 16, centered: all == 1 };
+        (done < all).then(|| samples.at_most(all - done))
+    }
+
+    /// The first of these, at most so many.
+    pub(super) fn at_most(self, most: u32) -> Self {
+        let count = match most.min(self.count) {
+            ..4 => 1,
             4..16 => 4,
             _ => 16,
         };
-        Some(Self { seed, first: done, count, centered: all == 1 })
+        Self { count, ..self }
     }
 
     /// Where sample `sample` of these lies in a pixel, by the pixel's place in the pattern.

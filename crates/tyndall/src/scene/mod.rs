@@ -53,6 +53,11 @@ impl Scene {
         &self.structure
     }
 
+    /// Colors the particles anew, with colors resolved for them in the order of their ids.
+    pub fn recolor(&mut self, colors: ParticleColors) {
+        self.colors = colors.arranged(self.structure.ids());
+    }
+
     /// Gives back the particles.
     pub fn into_structure(self) -> Structure {
         self.structure

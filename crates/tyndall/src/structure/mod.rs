@@ -20,6 +20,7 @@ use crate::particles::{Particles, Radii};
 use crate::progress::Progress;
 use crate::source::Source;
 use build::{Record, records};
+use search::{Every, Observer, Search};
 
 pub use bvh::{Bvh, Packing, PackingError};
 pub use pkd::Pkd;
@@ -90,6 +91,15 @@ impl Hit {
             }
         }
     }
+}
+
+/// What finding a hit took.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Visits {
+    /// Nodes that were opened: boxes of a hierarchy together, one particle of a k-d tree with its cut.
+    pub nodes: u64,
+    /// Particles that were tested; all others lie in subtrees that were skipped.
+    pub particles: u64,
 }
 
 /// Which structure to build.
@@ -192,6 +202,16 @@ impl Structure {
         each_store!(&self.store, store => store.intersect(ray, except))
     }
 
+    /// As [`Structure::intersect`], and counts in `visits` what that took.
+    pub fn intersect_counted(&self, ray: &Ray, visits: &mut Visits) -> Option<Hit> {
+        each_store!(&self.store, store => store.search(Search::observed(ray, visits)))
+    }
+
+    /// Calls `met` with distance and node of every particle that `ray` enters, in no order, and returns the first one along it.
+    pub fn hits(&self, ray: &Ray, met: &mut dyn FnMut(f32, u32)) -> Option<Hit> {
+        each_store!(&self.store, store => store.search(Search::observed(ray, Every(met))))
+    }
+
     /// Whether `ray` enters any particle but the one at node `except`.
     pub fn occluded(&self, ray: &Ray, except: Option<u32>) -> bool {
         each_store!(&self.store, store => store.occluded(ray, except))
@@ -287,6 +307,14 @@ impl Brute {
             Hit::keep_nearer(&mut best, t, node, &self.ids);
         }
         best
+    }
+
+    fn search<O: Observer>(&self, mut search: Search<O>) -> Option<Hit> {
+        search.visit(1, self.spheres.len() as u64);
+        for (node, &(center, radius)) in (0..).zip(&self.spheres) {
+            search.try_one(center, radius, node, &self.ids);
+        }
+        search.found()
     }
 
     fn occluded(&self, ray: &Ray, except: Option<u32>) -> bool {

@@ -7,7 +7,7 @@ use glam::Vec3;
 
 use super::build::Record;
 use super::heap::{self, Columns, Heap, Stack};
-use super::search::Search;
+use super::search::{Observer, Search};
 use super::{Hit, box_slack};
 use crate::error::{Error, Result};
 use crate::math::{Bounds, Ray};
@@ -51,7 +51,8 @@ impl Pkd {
         self.search(Search::any(ray, except)).is_some()
     }
 
-    fn search(&self, mut search: Search) -> Option<Hit> {
+    /// Ends a search that has begun.
+    pub(super) fn search<O: Observer>(&self, mut search: Search<O>) -> Option<Hit> {
         let mut stack = Stack::default();
         let heap = (&self.heap, self.ids().len());
         let (columns, slack, options) = (&self.columns, self.slack, self.options);

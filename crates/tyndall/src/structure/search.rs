@@ -3,7 +3,7 @@
 use fearless_simd::{f32x16, prelude::*};
 use glam::Vec3;
 
-use super::Hit;
+use super::{Hit, Visits};
 use crate::math::{Ray, enter_sphere};
 use crate::simd::{self, Lanes3};
 
@@ -14,8 +14,40 @@ enum Wanted {
     Any,
 }
 
+/// Is told what a walk visits and meets. `()` is told nothing, and costs nothing.
+pub(super) trait Observer {
+    /// Whether every particle that the ray enters is of interest, not only the first.
+    const EVERY: bool = false;
+    /// So many more nodes were opened and particles tested.
+    fn visit(&mut self, _nodes: u64, _particles: u64) {}
+    /// The ray enters the particle at `node` at `t`.
+    fn meet(&mut self, _t: f32, _node: u32) {}
+}
+
+impl Observer for () {}
+
+impl Observer for &mut Visits {
+    #[inline(always)]
+    fn visit(&mut self, nodes: u64, particles: u64) {
+        self.nodes += nodes;
+        self.particles += particles;
+    }
+}
+
+/// Is told every particle that the ray enters.
+pub(super) struct Every<'a>(pub(super) &'a mut dyn FnMut(f32, u32));
+
+impl Observer for Every<'_> {
+    const EVERY: bool = true;
+
+    #[inline(always)]
+    fn meet(&mut self, t: f32, node: u32) {
+        (self.0)(t, node);
+    }
+}
+
 /// A ray on its way through a structure.
-pub(super) struct Search {
+pub(super) struct Search<O: Observer = ()> {
     ray: Ray,
     pub(super) inv_direction: Vec3,
     /// A node that does not count.
@@ -24,18 +56,39 @@ pub(super) struct Search {
     /// How far the ray is of interest: to its end, or to the nearest that it has met. What is met just there counts.
     pub(super) t_far: f32,
     best: Option<Hit>,
+    observer: O,
 }
 
 impl Search {
     /// For the nearest particle, but the one at node `except`.
     pub(super) fn nearest(ray: &Ray, except: Option<u32>) -> Self {
-        let inv_direction = ray.inv_direction();
-        Self { ray: *ray, inv_direction, except, wanted: Wanted::Nearest, t_far: ray.t_max, best: None }
+        Self { except, ..Self::observed(ray, ()) }
     }
 
     /// For any particle, but the one at node `except`.
     pub(super) fn any(ray: &Ray, except: Option<u32>) -> Self {
         Self { wanted: Wanted::Any, ..Self::nearest(ray, except) }
+    }
+}
+
+impl<O: Observer> Search<O> {
+    /// For the nearest particle; `observer` is told of the way.
+    pub(super) fn observed(ray: &Ray, observer: O) -> Self {
+        Self {
+            ray: *ray,
+            inv_direction: ray.inv_direction(),
+            except: None,
+            wanted: Wanted::Nearest,
+            t_far: ray.t_max,
+            best: None,
+            observer,
+        }
+    }
+
+    /// Tells the observer that so many more nodes were opened and particles tested.
+    #[inline(always)]
+    pub(super) fn visit(&mut self, nodes: u64, particles: u64) {
+        self.observer.visit(nodes, particles);
     }
 
     /// What was found.
@@ -78,9 +131,12 @@ impl Search {
         if self.except == Some(node) {
             return false;
         }
+        self.observer.meet(t, node);
         Hit::keep_nearer(&mut self.best, t, node, ids);
-        // Clip the ray to the nearest hit: what is behind it is hidden.
-        self.t_far = self.t_far.min(t);
+        if !O::EVERY {
+            // Clip the ray to the nearest hit: what is behind it is hidden.
+            self.t_far = self.t_far.min(t);
+        }
         self.wanted == Wanted::Any
     }
 }

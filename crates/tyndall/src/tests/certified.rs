@@ -2,15 +2,15 @@
 
 use super::scenes::{LAWS, Law, Random, camera, particles};
 use super::visibility::{differing_pixels, image, scene};
-use crate::film::Image;
 use crate::particles::{Attribute, Columns, Particles, Positions, Radii, Values};
 use crate::render::certified::Options;
 use crate::render::{Culling, Renderer, Settings};
 use crate::scene::Scene;
 use crate::scene::automatic;
 use crate::scene::camera::{Camera, Projection};
+use crate::scene::color::ParticleColors;
 use crate::scene::light::Lighting;
-use crate::structure::{Kind, Packing, pkd};
+use crate::structure::{Kind, Packing, Structure, pkd};
 use crate::synthetic;
 use fearless_simd::Level;
 use glam::{DVec3, Vec3};
@@ -20,6 +20,7 @@ fn proofs() -> Vec<Options> {
     let alone = [
         |options: &mut Options| options.clip = true,
         |options: &mut Options| options.visible_set = true,
+        |options: &mut Options| options.coverage = true,
         |options: &mut Options| options.light_bounds = true,
     ];
     let alone = alone.map(|set| {
@@ -51,15 +52,16 @@ fn compare(scene: &Scene, camera: &Camera, settings: &Settings, what: &str) -> u
 #[test]
 fn no_sample_differs_on_random_scenes() {
     let mut met = 0;
-    for seed in 0..96 {
+    for seed in 0..64 {
         let mut random = Random::new(11_000 + seed);
         let law = LAWS[seed as usize % LAWS.len()];
-        let count = [1, 2, 17, 400, 3000][random.below(5) as usize];
+        let kind = KINDS[random.below(KINDS.len() as u32) as usize];
+        let most = if matches!(kind, Kind::Bvh(_)) { 3000 } else { 150 };
+        let count = [1, 2, 17, 100, most][random.below(5) as usize];
         let (particles, radii) = particles(law, count, &mut random);
         let camera = camera(&particles.bounds(), &mut random);
         let samples = [1, 5, 20, 36][random.below(4) as usize];
-        let settings = Settings { width: 45, height: 37, samples, seed: seed as u32, ..Settings::default() };
-        let kind = KINDS[random.below(KINDS.len() as u32) as usize];
+        let settings = Settings { width: 39, height: 21, samples, seed: seed as u32, ..Settings::default() };
         let lighting = match random.below(3) {
             0 => Lighting::Headlight,
             _ => Lighting::studio(random.vector().normalize_or(Vec3::X), Vec3::NEG_Y, Vec3::Z),
@@ -67,7 +69,7 @@ fn no_sample_differs_on_random_scenes() {
         let scene = scene(&particles, &radii, kind, lighting);
         met += compare(&scene, &camera, &settings, &format!("seed {seed}: {law:?}, {count}, {kind:?}"));
     }
-    assert!(met > 20_000, "only {met} pixels met a particle: the scenes test nothing");
+    assert!(met > 5000, "only {met} pixels met a particle: the scenes test nothing");
 }
 
 /// Where the eye is: along an axis, along a diagonal, and obliquely.
@@ -92,14 +94,15 @@ fn cameras(particles: &Particles) -> impl Iterator<Item = Camera> {
 fn no_sample_differs_on_the_synthetic_sets() {
     let sets = ["packed", "uniform", "clustered", "ablation", "virion", "nozzle", "fluid"];
     for set in sets {
-        let particles = synthetic::generate(&format!("{set}?n=20000&seed=3"), &()).unwrap();
+        let particles = synthetic::generate(&format!("{set}?n=8000&seed=3"), &()).unwrap();
         let (radii, _) = automatic::radii(&particles);
         for (at, camera) in cameras(&particles).enumerate() {
-            let settings = Settings { width: 70, height: 50, samples: 20, seed: 1, ..Settings::default() };
-            let view = camera.view(particles.positions().origin(), 70, 50).unwrap();
+            let settings = Settings { width: 50, height: 36, samples: 20, seed: 1, ..Settings::default() };
+            let view = camera.view(particles.positions().origin(), 50, 36).unwrap();
             let lighting = Lighting::studio(view.forward, view.right, view.up);
             let kind = KINDS[[0, 2, 1][at]];
-            let scene = scene(&particles, &radii, kind, lighting);
+            let structure = Structure::build(kind, particles.clone(), &radii, 1.0, &()).unwrap();
+            let scene = Scene::new(structure, ParticleColors::constant([0.6; 3]), lighting, None);
             let met = compare(&scene, &camera, &settings, &format!("{set}, view {at}, {kind:?}"));
             assert!(met > 100, "{set}, view {at}: {met} pixels met something");
         }
@@ -116,19 +119,19 @@ fn spikes() -> (Particles, Radii) {
         }
         radii.push(radius);
     };
-    for y in 0..40 {
-        for z in 0..40 {
+    for y in 0..20 {
+        for z in 0..20 {
             add([0.0, y as f32, z as f32], 0.5);
             add([-1.0, y as f32, z as f32], 0.5);
         }
     }
-    for spike in 0..30 {
-        let (y, z) = ((spike * 7 % 40) as f32, (spike * 11 % 40) as f32);
-        for step in 0..60 {
+    for spike in 0..12 {
+        let (y, z) = ((spike * 7 % 20) as f32, (spike * 11 % 20) as f32);
+        for step in 0..40 {
             add([0.5 + 0.25 * step as f32, y, z], 0.02);
         }
     }
-    add([-40.0, 20.0, 20.0], 30.0);
+    add([-12.0, 10.0, 10.0], 8.0);
     let attributes = vec![Attribute::new("radius", 1, Values::F32(radii))];
     let positions = Positions::from_offsets(DVec3::ZERO, columns);
     let particles = Particles::new(Columns { positions, attributes, ..Columns::default() }).unwrap();
@@ -140,10 +143,10 @@ fn no_sample_differs_on_spikes_and_a_lattice_seen_along_its_rows() {
     let (particles, radii) = spikes();
     for kind in KINDS {
         for camera in cameras(&particles) {
-            let settings = Settings { width: 60, height: 60, samples: 20, seed: 4, ..Settings::default() };
+            let settings = Settings { width: 36, height: 36, samples: 20, seed: 4, ..Settings::default() };
             let scene = scene(&particles, &radii, kind, Lighting::studio(-Vec3::X, Vec3::Y, Vec3::Z));
             let met = compare(&scene, &camera, &settings, &format!("{kind:?}, {camera:?}"));
-            assert!(met > 300, "{met} pixels met something");
+            assert!(met > 100, "{met} pixels met something");
         }
     }
 }
@@ -160,5 +163,4 @@ fn bounds_decide_nearly_all_shadows_and_say_how_many() {
     let counts = renderer.counts();
     assert!(counts.light_points > 10_000 && counts.surely_shadowed > 1000, "{counts:?}");
     assert!(counts.traced < counts.light_points / 100, "{counts:?}");
-    let _: Image = renderer.image();
 }

@@ -20,7 +20,7 @@ const fn treelets(size: u32, cut: Cut, axis: Axis, order: Order) -> Kind {
     Kind::Treelets(treelets::Options { size, cut, heap: Options { axis, order } })
 }
 
-const KINDS: [Kind; 12] = [
+pub(super) const KINDS: [Kind; 12] = [
     Kind::Bvh(Packing::Exact),
     Kind::Brute,
     Kind::Pkd(Options { axis: Axis::WidestExtent, order: Order::NodeFirst }),
@@ -35,7 +35,7 @@ const KINDS: [Kind; 12] = [
     treelets(4096, Cut::Middle, Axis::WidestExtent, Order::NodeFirst),
 ];
 
-const COUNTS: [usize; 10] = [0, 1, 2, 3, 16, 17, 100, 129, 700, 3000];
+pub(super) const COUNTS: [usize; 10] = [0, 1, 2, 3, 16, 17, 100, 129, 700, 3000];
 
 /// Every particle has a color of its own, of a few.
 pub(super) fn scene(particles: &Particles, radii: &Radii, kind: Kind, lighting: Lighting) -> Scene {

@@ -46,7 +46,7 @@ impl Image {
         let edge = EDGE * light(brightest);
         let mut pixels = self.pixels.clone();
         let (mut irradiance, mut toward, mut power) = (DVec3::ZERO, DVec3::ZERO, 0.0);
-        for place in 0..pixels.len() {
+        for (place, pixel) in pixels.iter_mut().enumerate() {
             if light(place) < edge {
                 continue;
             }
@@ -54,10 +54,10 @@ impl Image {
             if direction.dot(middle) > REACH.cos() {
                 let angle = solid_angle(place / width, height) / width as f64;
                 let share = angle * f64::from(light(place));
-                irradiance += angle * pixels[place].as_dvec3();
+                irradiance += angle * pixel.as_dvec3();
                 toward += share * direction;
                 power += share;
-                pixels[place] = glam::Vec3::ZERO;
+                *pixel = glam::Vec3::ZERO;
             }
         }
         let rest = Self { from_world: self.from_world, ..Self::new(width, pixels) };

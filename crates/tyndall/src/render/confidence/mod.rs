@@ -4,7 +4,22 @@
 //! Agus, Hadwiger 2021, Probabilistic Occlusion Culling using Confidence Maps for High-Quality Rendering of Large Particle Data;
 //! for rays through P-k-d trees Walloner 2022, whose sections and equations are named here.
 
+mod accumulate;
+mod footprint;
+mod gaussian;
+mod grid;
+mod histogram;
+mod neighborhood;
+#[cfg(test)]
+mod tests;
+
 use crate::error::{Error, Result};
+
+pub(crate) use accumulate::{Accumulator, Pixel};
+pub(crate) use footprint::share;
+pub(crate) use grid::DensityGrid;
+pub(crate) use histogram::Histogram;
+pub(crate) use neighborhood::Map;
 
 /// The knobs, with the thesis' names in brackets (table 6.2).
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -23,6 +38,8 @@ pub struct Options {
     pub density_interpolation: Interpolation,
     /// Which pixels decide together (`ks`).
     pub neighborhood: Neighborhood,
+    /// Which particles a pixel's samples are drawn from (`N`).
+    pub population: Population,
     /// Within so many samples a nearer depth has to pay off; 1 to 1,000 (`N_budget`).
     pub sample_budget: u32,
 }
@@ -36,6 +53,16 @@ pub enum Interpolation {
     Trilinear,
 }
 
+/// Which particles the samples of a pixel are drawn from, N of the thesis' equation 5.1.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Population {
+    /// All of the pixel's frustum that is not culled: the thesis. Only samples up to a depth count for it, so that where the
+    /// frustum holds many more behind, the same few particles are taken for ever new ones, and confidence is too high.
+    Frustum,
+    /// Those up to the depth that the confidence is about.
+    UpToDepth,
+}
+
 /// Which pixels decide together: by the mean of their confidences, for the largest of their depths.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Neighborhood {
@@ -43,6 +70,21 @@ pub enum Neighborhood {
     Kernel(u32),
     /// Level of the depth-confidence pyramid: squares of 2^level pixels an edge that lie side by side; 0 to 8.
     Pyramid(u32),
+}
+
+/// How far culling is, and what it takes.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Report {
+    /// By pixel, row by row: the distance along its rays behind which nothing is traced; infinite where nothing is culled.
+    pub depths: Vec<f32>,
+    /// The share of pixels whose depth is final.
+    pub converged: f64,
+    /// Voxels of the density grid along each axis.
+    pub voxels: [usize; 3],
+    /// Memory of the density grid, in bytes.
+    pub grid_bytes: u64,
+    /// Memory of what the pixels know, in bytes.
+    pub pixel_bytes: u64,
 }
 
 impl Default for Options {
@@ -55,6 +97,7 @@ impl Default for Options {
             depth_quantization: true,
             density_interpolation: Interpolation::Nearest,
             neighborhood: Neighborhood::Kernel(1),
+            population: Population::Frustum,
             sample_budget: 25,
         }
     }

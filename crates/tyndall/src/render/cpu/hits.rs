@@ -1,9 +1,9 @@
 //! What the samples of a film tile met: depth and node, in packets.
 //!
-//! A packet is one sample of each of 4 x 4 pixels: neighbors on a surface, so that light can be looked for together. `Hits` is all that has to
-//! be kept to light or color a picture anew.
+//! A packet is one sample of each of 4 x 4 pixels: neighbors on a surface, so that light can be looked for together. `Hits` is all
+//! that has to be kept to light or color a picture anew.
 
-use fearless_simd::prelude::*;
+use std::ops::Range;
 
 use super::pass::Pass;
 use super::tiles::{BLOCKS, EDGE, RAYS, Tile, block_at};
@@ -35,7 +35,8 @@ fn packet_of(x: usize, y: usize) -> (usize, usize) {
 }
 
 /// See the module. By packet, and by sample in each packet.
-pub(super) struct Hits {
+#[derive(Clone)]
+pub(crate) struct Hits {
     pub(super) depth: Vec<[f32; RAYS]>,
     pub(super) node: Vec<[u32; RAYS]>,
 }
@@ -47,29 +48,64 @@ impl Hits {
         Self { depth: vec![[f32::INFINITY; RAYS]; count], node: vec![[0; RAYS]; count] }
     }
 
-    /// Takes what the rays of a tile met, whose upper left corner is pixel (x, y) of the film tile.
-    pub(super) fn keep<S: Simd>(&mut self, simd: S, pass: &Pass, (x, y): (usize, usize), tile: &Tile) {
+    /// A copy of the first `samples` samples' worth, which is all that a pass of so many wrote.
+    pub(super) fn of(&self, samples: usize) -> Self {
+        let count = PACKETS * samples;
+        Self { depth: self.depth[..count].to_vec(), node: self.node[..count].to_vec() }
+    }
+
+    /// Memory that it takes, in bytes.
+    pub(crate) fn bytes(&self) -> u64 {
+        (size_of_val(&self.depth[..]) + size_of_val(&self.node[..])) as u64
+    }
+
+    /// Takes what the rays of a tile met, whose upper left corner is pixel `corner` of the film tile.
+    pub(super) fn keep(&mut self, pass: &Pass, corner: (usize, usize), tile: &Tile) {
         if pass.samples == RAYS {
-            // A quad's sixteen blocks are the pixels of a packet, their lanes the samples.
             for quad in 0..BLOCKS / RAYS {
-                let (packet, _) = packet_of(x + quad % 2 * PACKET_EDGE, y + quad / 2 * PACKET_EDGE);
-                let (from, to) = (quad * RAYS..(quad + 1) * RAYS, packet * RAYS..(packet + 1) * RAYS);
-                transpose(&tile.depth[from.clone()], &mut self.depth[to.clone()]);
-                transpose(&tile.node[from], &mut self.node[to]);
+                let (in_tile, kept) = quad_and_packet(quad, corner);
+                transpose(&tile.depth[in_tile.clone()], &mut self.depth[kept.clone()]);
+                transpose(&tile.node[in_tile], &mut self.node[kept]);
             }
-            let _ = simd;
             return;
         }
-        for block in 0..BLOCKS {
-            let at = block_at(block % EDGE, block / EDGE);
-            let (block_x, block_y) = (x + block % EDGE * pass.block_px, y + block / EDGE * pass.block_px);
-            for ray in 0..RAYS {
-                let (pixel, sample) = (ray / pass.samples, ray % pass.samples);
-                let (packet, lane) =
-                    packet_of(block_x + pixel % pass.block_px, block_y + pixel / pass.block_px);
-                self.depth[packet * pass.samples + sample][lane] = tile.depth[at][ray];
-                self.node[packet * pass.samples + sample][lane] = tile.node[at][ray];
+        each_ray(pass, corner, |block, ray, packet, lane| {
+            self.depth[packet][lane] = tile.depth[block][ray];
+            self.node[packet][lane] = tile.node[block][ray];
+        });
+    }
+
+    /// Gives back what [`Self::keep`] took.
+    pub(super) fn restore(&self, pass: &Pass, corner: (usize, usize), tile: &mut Tile) {
+        if pass.samples == RAYS {
+            for quad in 0..BLOCKS / RAYS {
+                let (in_tile, kept) = quad_and_packet(quad, corner);
+                transpose(&self.depth[kept.clone()], &mut tile.depth[in_tile.clone()]);
+                transpose(&self.node[kept], &mut tile.node[in_tile]);
             }
+            return;
+        }
+        each_ray(pass, corner, |block, ray, packet, lane| {
+            tile.depth[block][ray] = self.depth[packet][lane];
+            tile.node[block][ray] = self.node[packet][lane];
+        });
+    }
+}
+
+/// With sixteen samples a pixel, the blocks of a quad of a tile and the samples of a packet: the quad's blocks are the packet's lanes.
+fn quad_and_packet(quad: usize, (x, y): (usize, usize)) -> (Range<usize>, Range<usize>) {
+    let (packet, _) = packet_of(x + quad % 2 * PACKET_EDGE, y + quad / 2 * PACKET_EDGE);
+    (quad * RAYS..(quad + 1) * RAYS, packet * RAYS..(packet + 1) * RAYS)
+}
+
+/// Calls `visit` with the place of every ray in the tile and here.
+fn each_ray(pass: &Pass, (x, y): (usize, usize), mut visit: impl FnMut(usize, usize, usize, usize)) {
+    for block in 0..BLOCKS {
+        let (block_x, block_y) = (x + block % EDGE * pass.block_px, y + block / EDGE * pass.block_px);
+        for ray in 0..RAYS {
+            let (pixel, sample) = (ray / pass.samples, ray % pass.samples);
+            let (packet, lane) = packet_of(block_x + pixel % pass.block_px, block_y + pixel / pass.block_px);
+            visit(block_at(block % EDGE, block / EDGE), ray, packet * pass.samples + sample, lane);
         }
     }
 }

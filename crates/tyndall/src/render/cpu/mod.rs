@@ -5,8 +5,11 @@
 
 mod beams;
 mod clip;
+mod confidence;
+mod coverage;
 mod hits;
 mod lighting;
+pub(super) mod normals;
 mod pass;
 mod shadows;
 mod surfaces;
@@ -17,6 +20,7 @@ use fearless_simd_macros::simd;
 use rayon::prelude::*;
 
 use super::certified::{Counts, Options};
+use super::confidence::{Histogram, Pixel};
 use super::shade::{key_radiance, mean_of, sky_radiance};
 use crate::film::Image;
 use crate::progress::Progress;
@@ -27,6 +31,8 @@ use crate::scene::light::Lighting;
 use crate::simd::Lanes3;
 use crate::structure::Store;
 use bytemuck::Zeroable;
+pub(crate) use confidence::Confidence;
+use coverage::Visible;
 use hits::{Hits, PACKET_EDGE, PACKETS, pixel_of};
 use lighting::Lit;
 pub(crate) use pass::Pass;
@@ -57,9 +63,17 @@ pub(crate) struct Film {
     tiles: Vec<FilmTile>,
     /// How near samples have come to the centers of their pixels.
     nearness: Nearness,
+    /// What the samples met, by film tile and pass, where that is kept.
+    kept: Vec<Vec<Hits>>,
+    pub(super) keeps: bool,
 }
 
 impl Film {
+    /// Memory that the kept samples take, in bytes.
+    pub(super) fn kept_bytes(&self) -> u64 {
+        self.kept.iter().flatten().map(Hits::bytes).sum()
+    }
+
     /// What a pass over this film has to know of the samples before it.
     pub(crate) fn pass<'a>(
         &mut self,
@@ -89,7 +103,8 @@ impl Film {
         for (tile, (x, y)) in tiles.iter_mut().zip(corners) {
             (tile.x, tile.y) = (x * FILM_EDGE as u32, y * FILM_EDGE as u32);
         }
-        Self { width, height, tiles, nearness: Nearness::NONE }
+        let kept = vec![Vec::new(); tiles.len()];
+        Self { width, height, tiles, nearness: Nearness::NONE, kept, keeps: false }
     }
 
     /// Writes the mean of `samples` samples a pixel, over the scene's background.
@@ -141,50 +156,138 @@ struct Scratch {
     stack: Vec<Entry>,
     /// By tile of the film tile, where they serve the next pass.
     memories: Vec<Memory>,
+    /// Whether they are empty yet.
+    is_new: bool,
     /// What the film tile's samples met, where light is traced, and one sample of it.
     hits: Hits,
     layer: Box<Layer>,
     light: Box<Lit>,
     counts: Counts,
+    histogram: Histogram,
 }
 
-/// Adds passes to the film, one after the other in each tile. The only place where threads appear: each takes film tiles until
-/// none is left.
-pub(crate) fn for_each_tile(film: &mut Film, passes: &[Pass], level: Level, progress: &dyn Progress) {
-    let (width, height) = (film.width, film.height);
-    let samples = passes.iter().map(|pass| pass.lights.len()).max().unwrap_or(0);
-    let scratch = || Scratch {
-        tile: Tile::new(),
-        stack: Vec::new(),
-        memories: Vec::new(),
-        hits: Hits::new(samples),
-        layer: Layer::new(),
-        light: Lit::new(),
-        counts: Counts::default(),
-    };
-    film.tiles.par_iter_mut().for_each_init(scratch, |scratch, film_tile| {
-        let columns = (width - film_tile.x).min(FILM_EDGE as u32);
-        let rows = (height - film_tile.y).min(FILM_EDGE as u32);
-        scratch.memories.clear();
-        for pass in passes {
-            if progress.cancelled() {
-                return;
-            }
-            if passes.len() > 1 && pass.certified.visible_set {
-                scratch.remember(pass);
-            }
-            dispatch!(level, simd => render_film_tile(simd, pass, film_tile, scratch));
-            pass.count(std::mem::take(&mut scratch.counts));
-            progress.advance(u64::from(columns) * u64::from(rows) * pass.samples as u64);
-        }
+/// What a film tile's pixels know of what hides what, where they learn.
+type Culled<'a> = Option<(confidence::Frame<'a>, &'a mut [Pixel; FILM_PIXELS])>;
+
+/// Where what samples meet comes from.
+enum Found<'a> {
+    /// It has to be found, and kept if so said.
+    New { keeps: bool, culled: Culled<'a> },
+    /// It was found before.
+    Before(&'a Hits),
+}
+
+/// Adds passes to the film, one after the other in each tile. Where `culling` learns from pass to pass, there is one.
+pub(crate) fn for_each_tile(
+    film: &mut Film,
+    passes: &[Pass],
+    mut culling: Option<&mut Confidence>,
+    level: Level,
+    progress: &dyn Progress,
+) {
+    let visible = passes.first().and_then(|pass| match &pass.scene.structure().store {
+        Store::Bvh(bvh) if pass.certified.coverage => Some(Visible::new(bvh)),
+        _ => None,
     });
+    let (width, height, keeps) = (film.width, film.height, film.keeps);
+    let culled: Vec<Culled> = match &mut culling {
+        Some(culling) => {
+            let (frame, tiles) = culling.split();
+            tiles.iter_mut().map(|pixels| Some((frame, pixels))).collect()
+        }
+        None => film.tiles.iter().map(|_| None).collect(),
+    };
+    let tiles = film.tiles.par_iter_mut().zip(&mut film.kept).zip(culled);
+    tiles.for_each_init(
+        || Scratch::new(passes),
+        |scratch, ((film_tile, kept), culled)| {
+            let mut found = Found::New { keeps, culled };
+            scratch.memories.clear();
+            for pass in passes {
+                if progress.cancelled() {
+                    return;
+                }
+                scratch.remember(passes, pass);
+                dispatch!(level, simd => render_film_tile(simd, pass, &mut found, film_tile, scratch));
+                if keeps {
+                    if pass.first == 0 {
+                        kept.clear();
+                    }
+                    kept.push(scratch.hits.of(pass.samples));
+                }
+                pass.count(std::mem::take(&mut scratch.counts));
+                progress.advance(film_tile.pixels_within(width, height) * pass.samples as u64);
+            }
+            if let Some(visible) = &visible {
+                scratch.memories.iter().for_each(|memory| visible.add(memory));
+            }
+        },
+    );
+    if let Some(culling) = culling {
+        let samples: usize = passes.iter().map(|pass| pass.samples).sum();
+        culling.decide(film, samples as u32);
+    }
+    if let (Some(visible), Some(pass)) = (visible, passes.last()) {
+        let [[leaves, evicted_leaves], [bricks, evicted_bricks]] = visible.evicted();
+        pass.count(Counts { leaves, evicted_leaves, bricks, evicted_bricks, ..Counts::default() });
+    }
+}
+
+/// Makes an empty film of what was kept by another, in the same passes.
+pub(crate) fn shade_each_tile(
+    film: &mut Film,
+    kept: &Film,
+    passes: &[Pass],
+    level: Level,
+    progress: &dyn Progress,
+) {
+    let (width, height) = (film.width, film.height);
+    let tiles = film.tiles.par_iter_mut().zip(&kept.kept);
+    tiles.for_each_init(
+        || Scratch::new(passes),
+        |scratch, (film_tile, kept)| {
+            for (at, pass) in passes.iter().enumerate() {
+                if progress.cancelled() {
+                    return;
+                }
+                let mut found = Found::Before(&kept[at]);
+                dispatch!(level, simd => render_film_tile(simd, pass, &mut found, film_tile, scratch));
+                progress.advance(film_tile.pixels_within(width, height) * pass.samples as u64);
+            }
+        },
+    );
+}
+
+impl FilmTile {
+    /// How many of its pixels lie in a picture of this size.
+    fn pixels_within(&self, width: u32, height: u32) -> u64 {
+        let [columns, rows] = [width - self.x, height - self.y].map(|pixels| pixels.min(FILM_EDGE as u32));
+        u64::from(columns) * u64::from(rows)
+    }
 }
 
 impl Scratch {
-    /// Makes room for what the tiles of the pass remember; forgets it if the tiles are others than before.
-    fn remember(&mut self, pass: &Pass) {
-        let tiles = (FILM_EDGE / pass.tile_px()).pow(2);
-        if self.memories.len() != tiles {
+    fn new(passes: &[Pass]) -> Self {
+        let samples = passes.iter().map(|pass| pass.samples).max().unwrap_or(0);
+        Self {
+            tile: Tile::new(),
+            stack: Vec::new(),
+            memories: Vec::new(),
+            is_new: false,
+            hits: Hits::new(samples),
+            layer: Layer::new(),
+            light: Lit::new(),
+            counts: Counts::default(),
+            histogram: Histogram::default(),
+        }
+    }
+
+    /// Makes room for what the tiles of the pass remember, if that serves; forgets it if the tiles are others than before.
+    fn remember(&mut self, passes: &[Pass], pass: &Pass) {
+        let serves = passes.len() > 1 && pass.certified.visible_set || pass.certified.coverage;
+        let tiles = if serves { (FILM_EDGE / pass.tile_px()).pow(2) } else { 0 };
+        self.is_new = self.memories.len() != tiles;
+        if self.is_new {
             self.memories.clear();
             self.memories.resize_with(tiles, Memory::default);
         }
@@ -192,15 +295,25 @@ impl Scratch {
 }
 
 #[simd]
-fn render_film_tile<S: Simd>(simd: S, pass: &Pass, film_tile: &mut FilmTile, scratch: &mut Scratch) {
-    if pass.is_first {
+fn render_film_tile<S: Simd>(
+    simd: S,
+    pass: &Pass,
+    found: &mut Found,
+    film_tile: &mut FilmTile,
+    scratch: &mut Scratch,
+) {
+    if pass.first == 0 {
         film_tile.sum = [[0.0; 4]; FILM_PIXELS];
     }
     let tile_px = pass.tile_px();
     for y in (0..FILM_EDGE).step_by(tile_px) {
         for x in (0..FILM_EDGE).step_by(tile_px) {
-            let number = y / tile_px * (FILM_EDGE / tile_px) + x / tile_px;
-            find_hits(simd, pass, (film_tile.x as usize + x, film_tile.y as usize + y), number, scratch);
+            let place = ([film_tile.x as usize, film_tile.y as usize], [x, y]);
+            pass.set_rays(simd, (place.0[0] + x, place.0[1] + y), &mut scratch.tile);
+            match found {
+                Found::New { culled, .. } => find_hits(simd, pass, place, culled, scratch),
+                Found::Before(hits) => hits.restore(pass, (x, y), &mut scratch.tile),
+            }
             for block in 0..BLOCKS {
                 let first = (y + block / EDGE * pass.block_px) * FILM_EDGE + x + block % EDGE * pass.block_px;
                 keep_nearest(pass, block, first, film_tile, &scratch.tile);
@@ -214,8 +327,10 @@ fn render_film_tile<S: Simd>(simd: S, pass: &Pass, film_tile: &mut FilmTile, scr
                     draw(simd, pass, &met, first, film_tile);
                 }
             }
-            if matches!(pass.scene.lighting, Lighting::Studio(..)) {
-                scratch.hits.keep(simd, pass, (x, y), &scratch.tile);
+            if matches!(found, Found::New { keeps: true, .. })
+                || matches!(pass.scene.lighting, Lighting::Studio(..))
+            {
+                scratch.hits.keep(pass, (x, y), &scratch.tile);
             }
         }
     }
@@ -233,17 +348,33 @@ fn keep_nearest(pass: &Pass, block: usize, first: usize, film_tile: &mut FilmTil
     }
 }
 
-/// Finds what every ray of the tile at pixel `corner` meets, which has the place `number` in its film tile.
+/// Finds what every ray of a tile meets, which lies at pixel `inside` of the film tile at pixel `corner`.
 #[simd]
-fn find_hits<S: Simd>(simd: S, pass: &Pass, corner: (usize, usize), number: usize, scratch: &mut Scratch) {
+fn find_hits<S: Simd>(
+    simd: S,
+    pass: &Pass,
+    (corner, inside): ([usize; 2], [usize; 2]),
+    culled: &mut Culled,
+    scratch: &mut Scratch,
+) {
     let tile = &mut scratch.tile;
     tile.clear();
-    pass.set_rays(simd, corner, tile);
+    if let Some((frame, pixels)) = culled {
+        return confidence::trace(frame, pass, (corner, inside), pixels, (tile, &mut scratch.histogram));
+    }
     match &pass.scene.structure().store {
         Store::Bvh(bvh) => {
-            let beam = Beam::new(pass, corner.0 as f32, corner.1 as f32);
-            let memory = scratch.memories.get_mut(number);
-            tiles::walk(simd, bvh, &pass.view, &beam, tile, &mut scratch.stack, memory);
+            let place = (corner[0] + inside[0], corner[1] + inside[1]);
+            let beam = Beam::new(pass, place.0 as f32, place.1 as f32);
+            let tile_px = pass.tile_px();
+            let number = inside[1] / tile_px * (FILM_EDGE / tile_px) + inside[0] / tile_px;
+            let mut memory = scratch.memories.get_mut(number);
+            tiles::walk(simd, bvh, &pass.view, &beam, tile, &mut scratch.stack, memory.as_deref_mut());
+            if let Some(memory) =
+                memory.filter(|_| scratch.is_new && pass.certified.coverage && pass.block_px == 1)
+            {
+                coverage::forget_hidden(simd, pass, bvh, place, tile, memory);
+            }
         }
         _ => {
             for block in 0..BLOCKS {

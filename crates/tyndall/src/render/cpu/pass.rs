@@ -37,8 +37,9 @@ pub(crate) struct Pass<'a> {
     pub(super) certified: Options,
     /// By lane of a block: how far its pixel lies in a film tile behind the block's first.
     pub(super) pixel: [usize; RAYS],
-    /// Whether the film has no samples yet.
-    pub(super) is_first: bool,
+    pub(super) seed: u32,
+    /// The number of the pass's first sample.
+    pub(super) first: u32,
     /// By the block's place: the lanes that are nearer the centers of their pixels than all samples before.
     pub(super) nearest: Vec<Vec<usize>>,
     /// Light directions by sample, the same for all pixels.
@@ -93,7 +94,8 @@ impl<'a> Pass<'a> {
             _ => Vec::new(),
         };
         Self {
-            is_first: added.first == 0,
+            seed: added.seed,
+            first: added.first,
             scene,
             view,
             samples,
@@ -154,7 +156,27 @@ impl<'a> Pass<'a> {
         let y = f32x16::load_array_ref(simd, &self.packet_y[at]) + tile.1;
         varying(simd, &self.view, x, y)
     }
+
+    /// Rays through the middles of the 4 x 4 cells of a pixel.
+    #[inline(always)]
+    pub(super) fn cell_rays<S: Simd>(&self, simd: S, pixel: (usize, usize)) -> Lanes3<f32x16<S>> {
+        let x = f32x16::load_array_ref(simd, &CELLS[0]) + pixel.0 as f32;
+        let y = f32x16::load_array_ref(simd, &CELLS[1]) + pixel.1 as f32;
+        varying(simd, &self.view, x, y)
+    }
 }
+
+/// Where the middles of the 4 x 4 cells of a pixel lie, across and down.
+const CELLS: [[f32; RAYS]; 2] = {
+    let mut cells = [[0.0; RAYS]; 2];
+    let mut cell = 0;
+    while cell < RAYS {
+        (cells[0][cell], cells[1][cell]) =
+            ((cell % 4) as f32 * 0.25 + 0.125, (cell / 4) as f32 * 0.25 + 0.125);
+        cell += 1;
+    }
+    cells
+};
 
 /// Origins (orthographic) or directions (perspective) of rays through the picture at (x, y) pixels: [`View::ray`] on lanes.
 #[inline(always)]

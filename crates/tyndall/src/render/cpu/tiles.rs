@@ -22,7 +22,7 @@ pub(super) const BLOCKS: usize = EDGE * EDGE;
 pub(super) const RAYS: usize = 16;
 
 /// A quarter of a tile has its own deepest ray, so that a see-through corner keeps only itself open.
-const QUADS: usize = 4;
+pub(super) const QUADS: usize = 4;
 const QUAD_BLOCKS: usize = BLOCKS / QUADS;
 
 /// Where block (x, y) is stored: the blocks of a quad lie side by side.

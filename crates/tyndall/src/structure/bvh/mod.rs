@@ -191,6 +191,11 @@ impl Bvh {
         Place { index: place.index * WIDTH as u32 + child as u32, level: place.level - 1 }
     }
 
+    /// How many leaves there are.
+    pub(crate) fn leaf_count(&self) -> usize {
+        self.count[0] as usize
+    }
+
     /// A bit for every child that a node has.
     #[inline(always)]
     pub(crate) fn existing(&self, place: Place) -> u32 {

@@ -6,21 +6,23 @@ use fearless_simd_macros::simd;
 use super::{Bvh, LEAF};
 use crate::math::Ray;
 use crate::structure::Hit;
-use crate::structure::search::Search;
+use crate::structure::search::{Observer, Search};
 
 impl Bvh {
     /// See [`crate::structure::Structure::intersect`].
     pub fn intersect(&self, ray: &Ray, except: Option<u32>) -> Option<Hit> {
-        let mut search = Search::nearest(ray, except);
-        dispatch!(Level::new(), simd => walk(simd, self, &mut search));
-        search.found()
+        self.search(Search::nearest(ray, except))
     }
 
     /// See [`crate::structure::Structure::occluded`].
     pub fn occluded(&self, ray: &Ray, except: Option<u32>) -> bool {
-        let mut search = Search::any(ray, except);
+        self.search(Search::any(ray, except)).is_some()
+    }
+
+    /// Ends a search that has begun.
+    pub(in crate::structure) fn search<O: Observer>(&self, mut search: Search<O>) -> Option<Hit> {
         dispatch!(Level::new(), simd => walk(simd, self, &mut search));
-        search.found().is_some()
+        search.found()
     }
 }
 
@@ -28,7 +30,7 @@ impl Bvh {
 const STACK: usize = 128;
 
 #[simd]
-fn walk<S: Simd>(simd: S, bvh: &Bvh, search: &mut Search) {
+fn walk<S: Simd, O: Observer>(simd: S, bvh: &Bvh, search: &mut Search<O>) {
     let Some(root) = bvh.root() else { return };
     let ray = *search.ray();
     let mut stack = [(0.0_f32, root); STACK];
@@ -41,6 +43,7 @@ fn walk<S: Simd>(simd: S, bvh: &Bvh, search: &mut Search) {
         }
         if place.level == 0 {
             let leaf = place.index as usize;
+            search.visit(0, LEAF as u64);
             let (t, mut met) = search.enter(simd, bvh.centers(simd, leaf), bvh.radii(simd, leaf));
             while met != 0 {
                 let lane = met.trailing_zeros() as usize;
@@ -52,6 +55,7 @@ fn walk<S: Simd>(simd: S, bvh: &Bvh, search: &mut Search) {
             continue;
         }
         // Meet the eight boxes at once.
+        search.visit(1, 0);
         let (enter, leave) = bvh.node(place).cross(simd, &ray, search.inv_direction, bvh.slack);
         let enter = enter.max(f32x8::splat(simd, ray.t_min));
         let leave = leave.min(f32x8::splat(simd, search.t_far));

@@ -6,7 +6,7 @@ use fearless_simd_macros::simd;
 use super::{Columns, Heap, LOWEST, Order, upper_levels};
 use crate::math::HIT_ROUNDING;
 use crate::simd::Lanes3;
-use crate::structure::search::Search;
+use crate::structure::search::{Observer, Search};
 
 /// A subtree that is still to be walked.
 #[derive(Clone, Copy)]
@@ -36,13 +36,13 @@ impl Default for Stack {
 
 /// Looks for particles among the `count` of `heap`; whether the search is over. `slack` is the rounding of their coordinates.
 #[simd]
-pub(in crate::structure) fn walk<S: Simd>(
+pub(in crate::structure) fn walk<S: Simd, O: Observer>(
     simd: S,
     columns: &Columns,
     (heap, count): (&Heap, usize),
     slack: f32,
     order: Order,
-    search: &mut Search,
+    search: &mut Search<O>,
     stack: &mut Stack,
 ) -> bool {
     if count == 0 {
@@ -70,13 +70,19 @@ pub(in crate::structure) fn walk<S: Simd>(
     loop {
         if region.t_near <= region.t_far && region.t_near <= search.t_far {
             let place = first + region.node as usize;
-            // Nodes are tried before their children, those of four levels together: some of the topmost twice, which changes nothing.
-            let is_first = u32::from(region.levels).is_multiple_of(LOWEST) || region.levels == levels;
+            search.visit(1, 0);
+            // Nodes are tried before their children, those of four levels together: some of the topmost twice, which changes
+            // nothing, unless every hit is to be told once.
+            let left_over = u32::from(region.levels) % LOWEST;
+            let is_first = left_over == 0 || region.levels == levels;
             if region.levels == 0 || (is_first && order == Order::NodeFirst) {
-                if try_four_levels(simd, columns, (first, count), region.node as usize, search) {
+                let levels = if left_over == 0 { LOWEST } else { left_over };
+                let node = region.node as usize;
+                if try_four_levels(simd, columns, (first, count), node, levels, search) {
                     return true;
                 }
             } else if region.test_only {
+                search.visit(0, 1);
                 let (center, radius) = columns.sphere(place as u32);
                 if search.try_one(center, radius, place as u32, &columns.ids) {
                     return true;
@@ -112,14 +118,16 @@ pub(in crate::structure) fn walk<S: Simd>(
     }
 }
 
-/// Tries the particles of four levels from `node` down at once; whether the search is over.
+/// Tries the particles of four levels from `node` down at once, of `levels` if every hit is to be told once; whether the search is
+/// over.
 #[simd]
-fn try_four_levels<S: Simd>(
+fn try_four_levels<S: Simd, O: Observer>(
     simd: S,
     columns: &Columns,
     (first, count): (usize, usize),
     node: usize,
-    search: &mut Search,
+    levels: u32,
+    search: &mut Search<O>,
 ) -> bool {
     // Each level of the subtree is a run, of which a part may lie behind the end.
     let starts = [8 * node + 7, 4 * node + 3, 2 * node + 1, node].map(|start| first + start.min(count));
@@ -131,11 +139,15 @@ fn try_four_levels<S: Simd>(
     };
     let (t, met) = search.enter(simd, center, radius);
     let existing = |start: usize, width: usize| (1u32 << (first + count - start).min(width)) - 1;
-    let mut met = met
-        & (existing(starts[0], 8)
-            | existing(starts[1], 4) << 8
-            | existing(starts[2], 2) << 12
-            | existing(starts[3], 1) << 14);
+    let existing = existing(starts[0], 8)
+        | existing(starts[1], 4) << 8
+        | existing(starts[2], 2) << 12
+        | existing(starts[3], 1) << 14;
+    // The lanes of the upper levels are 1, 3, 7 or 15 from the last down.
+    let upper = 0x7fff & !(0x7fff >> ((1u32 << levels) - 1));
+    let tried = if O::EVERY { existing & upper } else { existing };
+    search.visit(0, u64::from(tried.count_ones()));
+    let mut met = met & tried;
     while met != 0 {
         let lane = met.trailing_zeros() as usize;
         met &= met - 1;

@@ -16,7 +16,7 @@ use super::Hit;
 use super::bvh::{Node, WIDTH};
 use super::heap::{self, Columns, Heap, Stack};
 use super::pkd;
-use super::search::Search;
+use super::search::{Observer, Search};
 use crate::math::{Bounds, Ray};
 
 /// Where a run of particles is cut in two.
@@ -97,7 +97,8 @@ impl Treelets {
         self.search(Search::any(ray, except)).is_some()
     }
 
-    fn search(&self, mut search: Search) -> Option<Hit> {
+    /// Ends a search that has begun.
+    pub(super) fn search<O: Observer>(&self, mut search: Search<O>) -> Option<Hit> {
         dispatch!(Level::new(), simd => walk(simd, self, &mut search));
         search.found()
     }
@@ -136,7 +137,7 @@ impl Treelets {
 const STACK: usize = 192;
 
 #[simd]
-fn walk<S: Simd>(simd: S, treelets: &Treelets, search: &mut Search) {
+fn walk<S: Simd, O: Observer>(simd: S, treelets: &Treelets, search: &mut Search<O>) {
     if treelets.nodes.is_empty() {
         return;
     }
@@ -162,6 +163,7 @@ fn walk<S: Simd>(simd: S, treelets: &Treelets, search: &mut Search) {
             }
         };
         // Meet the eight boxes at once.
+        search.visit(1, 0);
         let (enter, leave) = treelets.nodes[place].cross(simd, &ray, search.inv_direction, treelets.slack);
         let enter = enter.max(f32x8::splat(simd, ray.t_min));
         let leave = leave.min(f32x8::splat(simd, search.t_far));
