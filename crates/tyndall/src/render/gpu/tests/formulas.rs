@@ -69,7 +69,7 @@ fn evaluate(
 }
 
 fn sampling(perspective: bool) -> Sampling {
-    Sampling { samples: 1, perspective, tilings: Tilings::of(1) }
+    Sampling { samples: 1, perspective, tilings: Tilings::of(1, 0) }
 }
 
 /// How many values differ by more than `tolerance`, relative to `scale`.
