@@ -106,9 +106,9 @@ const STEP_SECS: f64 = 0.34e-6;
 const TILES_AT_ONCE: f64 = 32.0;
 
 /// Ways to walk that are compared, for so many samples.
-fn variants(samples: u32) -> Vec<Tilings> {
+fn variants(samples: u32, particles: usize) -> Vec<Tilings> {
     let tiling = |tile, split, nodes| Tiling { tile, split, nodes };
-    let default = Tilings::of(samples);
+    let default = Tilings::of(samples, particles);
     let endless = |first| Tilings { first, patience: 0, ..default };
     let patient = |patience, second| Tilings { patience, second, ..default };
     let (small, tiny) = (tiling([4, 4], 4, 8), tiling([2, 2], 16, 8));
@@ -342,13 +342,18 @@ impl Bench<'_> {
     /// Times the kernels that find hits in each way to walk; with checks the default alone.
     fn compare(&mut self, set: &str, scene: &Scene, cameras: &[(&str, Camera)]) -> Outcome<()> {
         let progress = self.report.progress();
+        let particles = scene.structure().len();
         for (gpu, checks) in [(Some(&self.gpu), "off"), (self.checked.as_ref(), "on")] {
             let Some(gpu) = gpu else { continue };
             let resident = Resident::load(gpu, scene, progress)?;
             for ((name, camera), samples) in
                 cameras.iter().flat_map(|camera| [1, 4, 16].map(|samples| (camera, samples)))
             {
-                let all = if checks == "on" { vec![Tilings::of(samples)] } else { variants(samples) };
+                let all = if checks == "on" {
+                    vec![Tilings::of(samples, particles)]
+                } else {
+                    variants(samples, particles)
+                };
                 for tilings in all {
                     let Tilings { first, second, patience } = tilings;
                     if first.threads().max(second.threads()) > gpu.workgroup_threads() {
@@ -398,8 +403,8 @@ impl Bench<'_> {
         Settings { width: size.width, height: size.height, samples, seed: 0, culling: Culling::Off }
     }
 
-    /// A structure, its cameras, and the seconds to build it.
-    fn build(&self, set: &str, count: Option<u64>) -> Outcome<(Structure, Vec<(&'static str, Camera)>, f64)> {
+    /// Makes and arranges a set.
+    fn build(&self, set: &str, count: Option<u64>) -> Outcome<Built> {
         let progress = self.report.progress();
         let text = match count {
             Some(count) => format!("{set}?n={count}&seed=1"),
@@ -506,6 +511,9 @@ impl Bench<'_> {
         Ok(count as f64 / times[times.len() / 2])
     }
 }
+
+/// A structure, its cameras by name, and the seconds to build it.
+type Built = (Structure, Vec<(&'static str, Camera)>, f64);
 
 /// What was measured of one picture.
 struct Frames {

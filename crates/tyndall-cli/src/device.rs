@@ -47,6 +47,7 @@ pub(crate) use card::{Renders, list};
 pub(crate) use processor::{Renders, list};
 
 /// What decides where pictures are made.
+#[cfg_attr(not(feature = "gpu"), expect(dead_code, reason = "the processor makes all"))]
 #[derive(Clone, Copy)]
 pub(crate) struct Work {
     pub(crate) structure: Kind,

@@ -34,7 +34,7 @@ fn random_scene(seed: u64, packing: Packing, lighting: Lighting) -> (Scene, Came
     let count = COUNTS[(seed as usize / LAWS.len()) % COUNTS.len()];
     let (particles, radii) = particles(law, count, &mut random);
     let camera = camera(&particles.bounds(), &mut random);
-    let spec = if seed % 3 == 0 { "#8090a0" } else { "radius" };
+    let spec = if seed.is_multiple_of(3) { "#8090a0" } else { "radius" };
     let colors = color::resolve(&particles, &spec.parse().unwrap(), None, None, Range::Auto).unwrap();
     let structure = Structure::build(Kind::Bvh(packing), particles, &radii, 1.0, &()).unwrap();
     (Scene::new(structure, colors, lighting, None), camera)
@@ -107,7 +107,7 @@ fn the_card_renders_what_the_cpu_renders() {
     for seed in 0..48_u64 {
         let packing =
             [Packing::Exact, Packing::Bits16, Packing::Bits11, Packing::Bits8][seed as usize / 8 % 4];
-        let lighting = if seed % 2 == 0 { Lighting::Headlight } else { Lighting::Flat };
+        let lighting = if seed.is_multiple_of(2) { Lighting::Headlight } else { Lighting::Flat };
         let (scene, camera) = random_scene(seed, packing, lighting);
         let samples = [1, 4, 16, 21][seed as usize % 4];
         let settings = Settings { width: 83, height: 61, samples, seed: seed as u32, ..Settings::default() };
@@ -131,7 +131,7 @@ fn the_card_casts_the_shadows_that_the_cpu_casts() {
     let (mut pixels, mut differing) = (0, 0);
     for seed in 0..16_u64 {
         let studio = Lighting::studio(Vec3::X, Vec3::NEG_Y, Vec3::Z);
-        let packing = if seed % 2 == 0 { Packing::Exact } else { Packing::Bits16 };
+        let packing = if seed.is_multiple_of(2) { Packing::Exact } else { Packing::Bits16 };
         let (scene, camera) = random_scene(seed, packing, studio);
         let settings =
             Settings { width: 31, height: 29, samples: 4, seed: seed as u32, ..Settings::default() };
@@ -226,12 +226,12 @@ fn single_rays_meet_on_the_card_what_they_meet_on_the_cpu() {
         let mut random = Random::new(100 + seed);
         let ray = |k: usize| {
             let from_outside = center + 3.0 * half.max_element() * random.vector().normalize_or(Vec3::X);
-            let origin = if k % 4 == 0 { center + half * random.vector() } else { from_outside };
+            let origin = if k.is_multiple_of(4) { center + half * random.vector() } else { from_outside };
             let direction = match k % 5 {
                 0 => [Vec3::X, Vec3::NEG_Y, Vec3::Z][k % 3],
                 _ => (center + half * random.vector() - origin).normalize_or(Vec3::X),
             };
-            let t_max = if k % 3 == 0 { half.max_element() } else { f32::INFINITY };
+            let t_max = if k.is_multiple_of(3) { half.max_element() } else { f32::INFINITY };
             Ray { origin, direction, t_min: 0.0, t_max }
         };
         let rays: Vec<Ray> =

@@ -235,7 +235,7 @@ impl<'a> Renderer<'a> {
     }
 
     fn sampling(&self, samples: u32) -> Sampling {
-        let tilings = self.tilings.unwrap_or_else(|| Tilings::of(samples));
+        let tilings = self.tilings.unwrap_or_else(|| Tilings::of(samples, self.scene.structure().len()));
         Sampling { samples, perspective: self.view.perspective, tilings }
     }
 

@@ -40,6 +40,9 @@ impl Tiling {
     }
 }
 
+/// From so many particles on a tile of a picture of usual size holds many.
+const MANY: usize = 20_000_000;
+
 /// How the tile sample buffer is walked.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Tilings {
@@ -52,10 +55,11 @@ pub struct Tilings {
 }
 
 impl Tilings {
-    /// What was fastest on an H200, by samples a pixel.
-    pub fn of(samples: u32) -> Self {
-        let first = match samples {
-            16.. => Tiling { tile: [8, 4], split: 4, nodes: 8 },
+    /// What was fastest on an H200, by samples a pixel and particles. Where many particles lie in a tile, smaller tiles of more threads win,
+    /// though with few samples a thread.
+    pub fn of(samples: u32, particles: usize) -> Self {
+        let first = match (samples, particles) {
+            (16.., _) | (4.., MANY..) => Tiling { tile: [8, 4], split: 4, nodes: 8 },
             _ => Tiling { tile: [8, 8], split: 1, nodes: 4 },
         };
         Self { first, patience: 96, second: Tiling { tile: [4, 4], split: 4, nodes: 8 } }
@@ -164,7 +168,7 @@ impl Shape {
     /// The kernel of single rays.
     pub(super) fn rays(&self) -> String {
         // They depend on no picture.
-        let sampling = Sampling { samples: 1, perspective: false, tilings: Tilings::of(1) };
+        let sampling = Sampling { samples: 1, perspective: false, tilings: Tilings::of(1, 0) };
         self.head(sampling) + &[MATH, BVH, RAYS, INTERSECT].join("\n")
     }
 

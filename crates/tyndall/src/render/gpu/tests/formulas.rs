@@ -69,7 +69,7 @@ fn evaluate(
 }
 
 fn sampling(perspective: bool) -> Sampling {
-    Sampling { samples: 1, perspective, tilings: Tilings::of(1) }
+    Sampling { samples: 1, perspective, tilings: Tilings::of(1, 0) }
 }
 
 /// How many values differ by more than `tolerance`, relative to `scale`.
@@ -221,7 +221,7 @@ fn boxes_of_children_hold_what_is_below_them() {
 
 /// Cameras of both kinds, by number.
 fn camera(number: usize, stream: &mut Stream) -> Camera {
-    let projection = if number % 2 == 0 {
+    let projection = if number.is_multiple_of(2) {
         Projection::Perspective { vertical_angle: 0.2 + f64::from(stream.unit()) }
     } else {
         Projection::Orthographic { height: 0.5 + f64::from(stream.unit()) }

@@ -44,13 +44,13 @@ fn every_kernel_is_valid_for_every_layout() {
             validate(&shape.rays());
             for (samples, perspective) in [(1, false), (1, true), (4, false), (4, true), (16, true)] {
                 for second in seconds {
-                    let tilings = Tilings { second, ..Tilings::of(samples) };
+                    let tilings = Tilings { second, ..Tilings::of(samples, 0) };
                     let sampling = Sampling { samples, perspective, tilings };
                     for walk in [Walk::First, Walk::Second, Walk::Counted] {
                         validate(&shape.tiles(sampling, walk));
                     }
                 }
-                let sampling = Sampling { samples, perspective, tilings: Tilings::of(samples) };
+                let sampling = Sampling { samples, perspective, tilings: Tilings::of(samples, 0) };
                 validate(&shape.shade(sampling));
             }
         }
@@ -82,7 +82,7 @@ macro_rules! record {
 #[test]
 fn records_stand_where_the_shaders_read_them() {
     let shape = shape(Packing::Exact, Sizes::Table, Colors::Constant, 1);
-    let sampling = Sampling { samples: 4, perspective: true, tilings: Tilings::of(4) };
+    let sampling = Sampling { samples: 4, perspective: true, tilings: Tilings::of(4, 0) };
     let module = validate(&shape.shade(sampling));
     let view = record!(layout::View: eye, left, forward, top, right, pixel, up, unused);
     assert_eq!(members(&module, "View"), view);
