@@ -18,7 +18,8 @@ use crate::report::{Outcome, Report};
 
 /// Pixels along an edge of a part of the picture that is shown, and where its upper left corner lies.
 const PART: u32 = 256;
-const MIDDLE: [u32; 2] = [(EDGE - PART) / 2; 2];
+/// Over the lower rim, where the plume stands on the block.
+const FOOT: [u32; 2] = [(EDGE - PART) / 2, EDGE - PART - 40];
 /// Over the upper rim, where spikes stand in front of the shell.
 const RIM: [u32; 2] = [(EDGE - PART) / 2, 56];
 
@@ -37,7 +38,7 @@ pub(super) fn draw(
         "ablation" => {
             artist.comparison(
                 "figure-6.1",
-                (&cameras[1], MIDDLE),
+                (&cameras[1], FOOT),
                 &[("culled after convergence, 1x1", options)],
                 evaluated,
             )?;

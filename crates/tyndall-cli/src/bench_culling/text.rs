@@ -303,7 +303,7 @@ fn findings(evaluated: &[Evaluated]) -> Vec<String> {
     });
     if !pierced.is_empty() {
         found.push(format!(
-            "Artifacts on the virion shrink with the kernel and with finer grids (section 6.1), pixels pierced by the background: {}.",
+            "Artifacts on the virion by kernel, interpolation and slices (section 6.1), share of pixels pierced by the background: {}.",
             pierced.join(", ")
         ));
     }
