@@ -102,7 +102,7 @@ mod tests {
     #[test]
     fn equal_pictures_do_not_differ() {
         let checks = image(|at| ((at / 4 + at / 32) % 2) as f32);
-        let found = quality(&[checks.clone()], &[checks]);
+        let found = quality(std::slice::from_ref(&checks), std::slice::from_ref(&checks));
         assert!(found.psnr.is_infinite() && (found.ssim - 1.0).abs() < 1e-12);
         assert_eq!([found.flip, found.pierced], [0.0, 0.0]);
     }
@@ -111,7 +111,7 @@ mod tests {
     fn what_differs_is_measured() {
         // Even gray, a step of sRGB brighter in one quarter of the pixels.
         let (dark, bright) = (image(|_| 0.1), image(|at| if at % 32 < 8 { 0.2 } else { 0.1 }));
-        let found = quality(&[dark.clone()], &[bright.clone()]);
+        let found = quality(std::slice::from_ref(&dark), std::slice::from_ref(&bright));
         let step = f64::from(encoded_from_linear(0.2) - encoded_from_linear(0.1));
         let expected = -10.0 * (step * step / 4.0).log10();
         assert!((found.psnr - expected).abs() < 1e-4, "{}", found.psnr);
