@@ -122,7 +122,7 @@ mod card {
                 Ok(gpu) => Ok(Self::Card { gpu: Box::new(gpu), is_asked_for }),
                 Err(Error::Device(why)) if !is_asked_for => {
                     let threads = rayon::current_num_threads();
-                    report.note(format_args!("{why}; CPU backend, {threads} threads"));
+                    report.note(format_args!("note: {why}; CPU backend, {threads} threads"));
                     Ok(Self::Processor)
                 }
                 Err(error) => Err(error.into()),

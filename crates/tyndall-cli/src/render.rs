@@ -85,6 +85,9 @@ impl<'a> Job<'a> {
         let args::Picture { size, samples, seed, background, alpha, .. } = &args.picture;
         let samples = samples.unwrap_or(Settings::default().samples);
         let culling = culling::culling(&args.method.culling);
+        if let Culling::Confidence(options) = culling {
+            options.check()?;
+        }
         let settings = Settings { width: size.width, height: size.height, samples, seed: *seed, culling };
         let structure = structure::kind(&args.method.structure)?;
         let background = match background.unwrap_or(Background::Color([1.0; 3])) {

@@ -114,7 +114,7 @@ pub fn enter_sphere(ray: &Ray, center: Vec3, radius: f32) -> f32 {
     if half_chord_sq > 0.0 && ray.t_min < t && t < ray.t_max { t } else { ray.t_max }
 }
 
-/// e^-x for x of at least 0, with a relative error below 4e-7; 0 beyond 87. Without a branch or a call, so that compilers put it on
+/// e^-x for x of at least 0, with a relative error below 1e-7 (4 + x), of which x times the last place of x is its rounding; 0 beyond 87. Without a branch or a call, so that compilers put it on
 /// lanes, and the same on every machine.
 #[inline(always)]
 pub(crate) fn exp_minus(x: f32) -> f32 {
@@ -143,7 +143,8 @@ mod tests {
         for step in 0..200_000 {
             let x = 4.3e-4 * step as f32;
             let wanted = (-f64::from(x)).exp();
-            assert!((f64::from(exp_minus(x)) / wanted - 1.0).abs() < 4e-7, "{x}");
+            let error = (f64::from(exp_minus(x)) / wanted - 1.0).abs();
+            assert!(error < 1e-7 * (4.0 + f64::from(x)), "{x}: {error}");
         }
         assert_eq!((exp_minus(0.0), exp_minus(88.0), exp_minus(f32::INFINITY)), (1.0, 0.0, 0.0));
     }

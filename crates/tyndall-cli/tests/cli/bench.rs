@@ -69,7 +69,7 @@ fn culling_is_evaluated_as_a_report() {
     );
     folder.line(&line).fine();
     let text = std::fs::read_to_string(report.join("report.md")).unwrap();
-    for section in ["table 6.3", "table 6.1", "the ceiling", "PSNR", "Findings"] {
+    for section in ["table 6.3", "tables 6.1 and 6.2", "the ceiling", "PSNR", "Findings"] {
         assert!(text.contains(section), "{section}: {text}");
     }
     // Views in two tables, and the knobs of the virion.

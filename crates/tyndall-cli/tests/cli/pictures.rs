@@ -6,7 +6,7 @@ use super::{Folder, line_of, png};
 fn a_picture_is_made_and_every_guess_is_said_once() {
     let folder = Folder::new();
     folder.file("a.xyz", line_of(9));
-    let said = folder.render("a.xyz -o a.png --color c_pe").fine();
+    let said = folder.render("a.xyz -o a.png --color c_pe --device cpu").fine();
     let lines: Vec<&str> = said.lines().collect();
     assert_eq!(lines.len(), 2, "{said}");
     for part in [
@@ -277,7 +277,7 @@ fn culling_by_confidence_is_told_and_can_be_told_to_cull_nothing() {
     };
     bad("--ks 4", &["kernel-size", "'4'", "odd"]);
     bad("--spp 3", &["frame-samples", "'3'", "1, 4 or 16"]);
-    bad("--vc 4096", &["voxel-count", "'4096'", "voxels"]);
+    bad("--vc 5000", &["voxel-count", "'5000'", "1 to 4096"]);
 }
 
 #[test]

@@ -75,7 +75,7 @@ fn opening_a_long_compressed_file_can_be_interrupted() {
     // 16 GiB of rows, packed to 16 MB; their count is never reached, so that whoever opens this to its end fails otherwise.
     let rows = gzip(&"Cu 1.0 2.0 3.0\n".repeat(1 << 22));
     folder.file("a.xyz.gz", [gzip("1000000000000\n\n"), rows.repeat(280)].concat());
-    for line in ["info a.xyz.gz", "render a.xyz.gz -o o.png"] {
+    for line in ["info a.xyz.gz", "render a.xyz.gz -o o.png --device cpu"] {
         let child = spawn(&folder, line);
         // Long enough to be at work: opening needs many seconds.
         std::thread::sleep(Duration::from_millis(400));
