@@ -5,7 +5,7 @@
 //! [`Interactive::refine`] goes as far as its caller lets it, and goes on there when it is called again: time is the caller's. What it
 //! comes to in the end is what [`super::render`] gives, bit for bit.
 //!
-//! Devices stand behind the three verbs of [`Backend`].
+//! Devices stand behind the three verbs of `Backend`.
 
 use glam::DVec3;
 

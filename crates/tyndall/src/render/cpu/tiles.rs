@@ -375,6 +375,7 @@ fn push_children<S: Simd>(
     let existing = bvh.shown_children(place);
     let mut kept = (open[0] | open[1] | open[2] | open[3]) & existing;
     let near = shadow.near.to_array();
+    let remembers = memory.is_some();
     if let Some(memory) = memory {
         let mut behind = (touched[0] | touched[1] | touched[2] | touched[3]) & existing & !kept;
         while behind != 0 {
@@ -393,7 +394,8 @@ fn push_children<S: Simd>(
     while kept != 0 {
         let child = kept.trailing_zeros() as usize;
         kept &= kept - 1;
-        let (touched, open) = (of_child(&touched, child), of_child(&open, child));
+        let open = of_child(&open, child);
+        let touched = if remembers { of_child(&touched, child) } else { open };
         let entry = Entry { near: near[child], place: bvh.child(place, child), touched, open };
         push_sorted(stack, first, entry, |entry| entry.near);
     }
