@@ -27,6 +27,20 @@ pub(super) struct Points<'a> {
     pub(super) on: &'a [[u32; RAYS]; PACKETS],
 }
 
+impl Points<'_> {
+    /// Which points of a packet something at (x, y) that reaches so far to both sides, and up to `top`, can shadow.
+    #[inline(always)]
+    fn under<S: Simd>(&self, simd: S, packet: usize, [x, y]: [f32; 2], reach: [f32; 2], top: f32) -> u16 {
+        let at = Lanes3::load(simd, &self.at[packet]);
+        let off_x = (at.x - f32x16::splat(simd, x)).abs();
+        let off_y = (at.y - f32x16::splat(simd, y)).abs();
+        let under = off_x.simd_le(f32x16::splat(simd, reach[0]))
+            & off_y.simd_le(f32x16::splat(simd, reach[1]))
+            & at.z.simd_le(f32x16::splat(simd, top));
+        under.to_bitmask() as u16
+    }
+}
+
 /// What the points of each packet that are still lit span: a rectangle across the direction, and the depth of the first along it;
 /// infinite where none is left.
 pub(super) struct Spans {
@@ -94,6 +108,23 @@ impl Spans {
         }
         under & packets
     }
+
+    /// Which of the things at `center` that reach `reach` to both sides and along can shadow a packet.
+    #[inline(always)]
+    fn meets<S: Simd, V: SimdFloat<S, Element = f32>>(
+        &self,
+        simd: S,
+        packet: usize,
+        center: &Lanes3<V>,
+        reach: &Lanes3<V>,
+    ) -> u32 {
+        let off_x = (center.x - V::simd_from(simd, self.middle[0][packet])).abs();
+        let off_y = (center.y - V::simd_from(simd, self.middle[1][packet])).abs();
+        let meets = off_x.simd_le(reach.x + V::simd_from(simd, self.half[0][packet]))
+            & off_y.simd_le(reach.y + V::simd_from(simd, self.half[1][packet]))
+            & (center.z + reach.z).simd_ge(V::simd_from(simd, self.first[packet]));
+        meets.to_bitmask() as u32
+    }
 }
 
 /// What sixteen packets side by side have of a column.
@@ -101,6 +132,9 @@ impl Spans {
 fn sixteen<S: Simd>(simd: S, column: &[f32; PACKETS], group: usize) -> f32x16<S> {
     f32x16::from_slice(simd, &column[group * RAYS..(group + 1) * RAYS])
 }
+
+/// So few packets are looked at one by one, and their points too: where these lie far apart, most subtrees pass between them.
+const FEW: u32 = 16;
 
 /// A subtree that is still to be walked, for the packets in the mask.
 #[derive(Clone, Copy)]
@@ -130,7 +164,7 @@ pub(super) fn shadow<S: Simd>(
     stack.push(Entry { depth: 0.0, place: root, packets });
     while let Some(entry) = stack.pop() {
         if entry.place.level > 0 {
-            push_children(simd, bvh, &entry, light, &spans, stack);
+            push_children(simd, bvh, &entry, light, &points, &spans, lit, stack);
         } else {
             shadow_of_leaf(simd, bvh, &entry, light, points, &mut spans, lit, counts);
         }
@@ -139,12 +173,15 @@ pub(super) fn shadow<S: Simd>(
 
 /// Pushes the children that can shadow a packet, the first along the direction last.
 #[simd]
+#[expect(clippy::too_many_arguments, reason = "one walk, cut where it is readable")]
 fn push_children<S: Simd>(
     simd: S,
     bvh: &Bvh,
     entry: &Entry,
     light: &Light,
+    points: &Points,
     spans: &Spans,
+    lit: &[u16; PACKETS],
     stack: &mut Vec<Entry>,
 ) {
     let margin = HIT_ROUNDING * light.spread + bvh.slack;
@@ -154,18 +191,32 @@ fn push_children<S: Simd>(
     let (x, y, z) = (center.x.to_array(), center.y.to_array(), center.z.to_array());
     let (reach_x, reach_y) = (reach.x.to_array(), reach.y.to_array());
     let tops = (center.z + reach.z).to_array();
-    let mut kept = bvh.shown_children(entry.place);
-    let first = stack.len();
-    const { assert!(WIDTH == 8) };
-    while kept != 0 {
-        let child = kept.trailing_zeros() as usize;
-        kept &= kept - 1;
-        let (place, reach) = ([x[child], y[child]], [reach_x[child], reach_y[child]]);
-        let packets = spans.under(simd, entry.packets, place, reach, tops[child]);
-        if packets != 0 {
-            let entry = Entry { depth: z[child], place: bvh.child(entry.place, child), packets };
-            push_sorted(stack, first, entry, |entry| entry.depth);
+    let shown = bvh.shown_children(entry.place);
+    let mut packets_of = [0; WIDTH];
+    if entry.packets.count_ones() <= FEW {
+        let mut left = entry.packets;
+        while left != 0 {
+            let packet = left.trailing_zeros() as usize;
+            left &= left - 1;
+            let mut kept = spans.meets(simd, packet, &center, &reach) & shown;
+            while kept != 0 {
+                let child = kept.trailing_zeros() as usize;
+                kept &= kept - 1;
+                let (place, reach) = ([x[child], y[child]], [reach_x[child], reach_y[child]]);
+                let under = points.under(simd, packet, place, reach, tops[child]) & lit[packet];
+                packets_of[child] |= u64::from(under != 0) << packet;
+            }
         }
+    } else {
+        for child in (0..WIDTH).filter(|child| shown >> child & 1 == 1) {
+            let (place, reach) = ([x[child], y[child]], [reach_x[child], reach_y[child]]);
+            packets_of[child] = spans.under(simd, entry.packets, place, reach, tops[child]);
+        }
+    }
+    let first = stack.len();
+    for (child, packets) in packets_of.into_iter().enumerate().filter(|&(_, packets)| packets != 0) {
+        let entry = Entry { depth: z[child], place: bvh.child(entry.place, child), packets };
+        push_sorted(stack, first, entry, |entry| entry.depth);
     }
 }
 
@@ -199,29 +250,22 @@ fn shadow_of_leaf<S: Simd>(
         margin: margin.to_array(),
     };
     let reach = light.reach(simd, Ball(outer));
-    let top = center.z + reach.z;
     let shown = bvh.shown(leaf);
 
     let mut packets = entry.packets;
     while packets != 0 {
         let packet = packets.trailing_zeros() as usize;
         packets &= packets - 1;
-        let first = spans.first[packet];
-        if first == f32::INFINITY {
+        if lit[packet] == 0 {
             continue;
         }
-        let off_x = (center.x - f32x16::splat(simd, spans.middle[0][packet])).abs();
-        let off_y = (center.y - f32x16::splat(simd, spans.middle[1][packet])).abs();
-        let meets = off_x.simd_le(reach.x + f32x16::splat(simd, spans.half[0][packet]))
-            & off_y.simd_le(reach.y + f32x16::splat(simd, spans.half[1][packet]))
-            & top.simd_ge(f32x16::splat(simd, first));
-        let mut kept = meets.to_bitmask() as u32 & shown;
+        let mut kept = spans.meets(simd, packet, &center, &reach) & shown;
         if kept == 0 {
             continue;
         }
+        let mut left = lit[packet];
         let at = Lanes3::load(simd, &points.at[packet]);
         let on = u32x16::load_array_ref(simd, &points.on[packet]);
-        let mut left = lit[packet];
         while kept != 0 {
             let lane = kept.trailing_zeros() as usize;
             kept &= kept - 1;
