@@ -136,10 +136,11 @@ impl<'a> Pass<'a> {
     /// Sets the rays of the tile whose upper left corner is pixel `corner`.
     #[simd]
     pub(super) fn set_rays<S: Simd>(&self, simd: S, corner: (usize, usize), tile: &mut Tile) {
+        let view = self.view;
         for block in 0..BLOCKS {
             let x = f32x16::load_array_ref(simd, &self.x[block]) + corner.0 as f32;
             let y = f32x16::load_array_ref(simd, &self.y[block]) + corner.1 as f32;
-            varying(simd, &self.view, x, y).store(&mut tile.varying[block_at(block % EDGE, block / EDGE)]);
+            varying(simd, &view, x, y).store(&mut tile.varying[block_at(block % EDGE, block / EDGE)]);
         }
     }
 

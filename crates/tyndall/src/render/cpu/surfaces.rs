@@ -1,7 +1,6 @@
 //! The surfaces that samples met: where they are, how they face, and their color.
 
 use fearless_simd::{f32x16, mask32x16, prelude::*, u32x16};
-use fearless_simd_macros::simd;
 use glam::Vec3;
 
 use super::hits::PACKETS;
@@ -22,7 +21,7 @@ pub(super) struct Met<S: Simd> {
 
 /// Looks up what rays met at `depth` and `node`; none if they met nothing. `varying` are their origins (orthographic) or directions
 /// (perspective).
-#[simd]
+#[inline(always)]
 pub(super) fn look_up<S: Simd>(
     simd: S,
     scene: &Scene,

@@ -318,28 +318,13 @@ pub(super) fn walk<S: Simd>(
     mut memory: Option<&mut Memory>,
 ) {
     stack.clear();
-    if let Some(memory) = memory.as_deref_mut().filter(|memory| !memory.leaves.is_empty()) {
-        // Once more the leaves of the walk before; then what is no longer hidden behind them.
-        for entry in &memory.leaves {
-            if tile.is_open(entry.near, entry.touched) {
-                draw_leaf(simd, bvh, entry.place.index as usize, view, beam, tile);
-            }
+    match memory.as_deref_mut() {
+        // The leaves of the walk before, in its order; then what is no longer hidden behind them.
+        Some(memory) if !(memory.leaves.is_empty() && memory.behind.is_empty()) => {
+            let entries = memory.behind.drain(..).chain(memory.leaves.drain(..).rev());
+            stack.extend(entries.map(|entry| Entry { open: entry.touched, ..entry }));
         }
-        let mut at = 0;
-        while at < memory.behind.len() {
-            let entry = memory.behind[at];
-            if tile.is_open(entry.near, entry.touched) {
-                memory.behind.swap_remove(at);
-                stack.push(Entry { open: entry.touched, ..entry });
-            } else {
-                at += 1;
-            }
-        }
-    } else {
-        if let Some(memory) = memory.as_deref_mut() {
-            memory.behind.clear();
-        }
-        stack.extend(bvh.root().map(|place| Entry { near: 0.0, place, touched: 0b1111, open: 0b1111 }));
+        _ => stack.extend(bvh.root().map(|place| Entry { near: 0.0, place, touched: 0b1111, open: 0b1111 })),
     }
     while let Some(entry) = stack.pop() {
         if !tile.is_open(entry.near, entry.open) {

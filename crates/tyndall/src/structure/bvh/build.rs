@@ -5,6 +5,7 @@
 use rayon::prelude::*;
 
 use super::block::{Blocks, Packing};
+use super::shown::Shown;
 use super::sizes::Sizes;
 use super::{Bvh, LEAF, LEVELS, Node, WIDTH, box_slack, packing_error};
 use crate::error::{Error, Result};
@@ -91,7 +92,7 @@ impl Bvh {
             bounds,
             boxes: bounds,
             packing_error: None,
-            shown: None,
+            shown: Shown::default(),
         }
     }
 }

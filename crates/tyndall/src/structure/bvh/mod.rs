@@ -138,8 +138,8 @@ pub struct Bvh {
     /// What the boxes of the root hold, without the margin of scaled radii.
     boxes: Bounds,
     packing_error: Option<PackingError>,
-    /// Which particles are shown, where that is not all.
-    shown: Option<Shown>,
+    /// Which particles are shown.
+    shown: Shown,
 }
 
 impl Bvh {

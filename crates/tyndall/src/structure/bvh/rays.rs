@@ -73,11 +73,12 @@ fn walk<S: Simd, O: Observer>(simd: S, bvh: &Bvh, search: &mut Search<O>) {
             let leaf = place.index as usize;
             search.visit(0, LEAF as u64);
             let (t, met) = search.enter(simd, bvh.centers(simd, leaf), bvh.radii(simd, leaf));
-            let mut met = met & bvh.shown(leaf);
+            let mut met = met;
             while met != 0 {
                 let lane = met.trailing_zeros() as usize;
                 met &= met - 1;
-                if search.meet(t[lane], (leaf * LEAF + lane) as u32, &bvh.ids) {
+                let node = (leaf * LEAF + lane) as u32;
+                if bvh.shows(node) && search.meet(t[lane], node, &bvh.ids) {
                     return;
                 }
             }

@@ -9,7 +9,8 @@ use super::{Bvh, LEAF, Node, Place, WIDTH, power_of_two};
 use crate::math::Bounds;
 use crate::structure::selection::{Test, Verdict, bits};
 
-/// See the module.
+/// See the module. Empty where all are shown.
+#[derive(Default)]
 pub(super) struct Shown {
     /// By leaf: a bit for every particle.
     leaves: Vec<u16>,
@@ -38,7 +39,7 @@ impl Bvh {
     /// A bit for every particle of the leaf that is shown.
     #[inline(always)]
     pub(crate) fn shown(&self, leaf: usize) -> u32 {
-        self.shown.as_ref().map_or(0xffff, |shown| shown.leaves[leaf].into())
+        self.shown.leaves.get(leaf).map_or(0xffff, |&bits| bits.into())
     }
 
     /// Whether the particle at `node` is shown.
@@ -50,21 +51,19 @@ impl Bvh {
     /// Whether all particles are shown, with the radii that were built.
     #[cfg(feature = "gpu")]
     pub(crate) fn is_as_built(&self) -> bool {
-        self.shown.is_none() && self.radius_scale == 1.0
+        self.shown.leaves.is_empty() && self.radius_scale == 1.0
     }
 
     /// A bit for every child that has particles that are shown.
     #[inline(always)]
     pub(crate) fn shown_children(&self, place: Place) -> u32 {
-        match &self.shown {
-            Some(shown) => shown.children[(self.first[place.level as usize] + place.index) as usize].into(),
-            None => self.existing(place),
-        }
+        let node = (self.first[place.level as usize] + place.index) as usize;
+        self.shown.children.get(node).map_or_else(|| self.existing(place), |&bits| bits.into())
     }
 
     /// Shows the particles that fulfill all tests; without a test all. Returns how many.
     pub(in crate::structure) fn show(&mut self, tests: &[Test]) -> u64 {
-        self.shown = None;
+        self.shown = Shown::default();
         if tests.is_empty() || self.ids.is_empty() {
             return self.ids.len() as u64;
         }
@@ -76,7 +75,7 @@ impl Bvh {
         });
         let count = leaves.par_iter().map(|bits| u64::from(bits.count_ones())).sum();
         let children = self.children_of(&leaves);
-        self.shown = Some(Shown { leaves, children });
+        self.shown = Shown { leaves, children };
         count
     }
 
