@@ -33,8 +33,9 @@ pub enum Radius {
 const AUTOMATIC: f64 = 100.0;
 /// Alpha of progressive passes, between 0 (fewer photons count) and 1 (the radius stays).
 const SHRINKAGE: f32 = 2.0 / 3.0;
-/// Points of a ball at which the density is looked up.
+/// Points of a ball at which the density is looked up, and of one that holds empty space: there the few may miss what little there is.
 const POINTS: usize = 32;
+const FINE_POINTS: usize = 512;
 
 /// Photons, sorted by place.
 pub struct PhotonMap<'a> {
@@ -47,6 +48,7 @@ pub struct PhotonMap<'a> {
     starts: Vec<u32>,
     photons: Vec<Photon>,
     points: Vec<Vec3>,
+    fine_points: Vec<Vec3>,
 }
 
 impl<'a> PhotonMap<'a> {
@@ -74,7 +76,8 @@ impl<'a> PhotonMap<'a> {
             size,
             starts: vec![0; size.iter().product::<usize>() + 1],
             photons: photons.stored.clone(),
-            points: ball(),
+            points: ball(POINTS),
+            fine_points: ball(FINE_POINTS),
         };
         let cell = |photon: &Photon| map.cell(photon.position);
         let mut keyed: Vec<(u32, u32)> = photons
@@ -159,8 +162,17 @@ impl<'a> PhotonMap<'a> {
 
     /// Mass in a ball.
     fn mass(&self, at: Vec3, radius: f32) -> f32 {
-        let density = self.points.iter().map(|point| self.medium.density().density(at + radius * point));
-        density.sum::<f32>() / POINTS as f32 * (4.0 / 3.0 * std::f32::consts::PI * radius.powi(3))
+        let density = |point: &Vec3| self.medium.density().density(at + radius * point);
+        let (sum, is_full) = self
+            .points
+            .iter()
+            .map(density)
+            .fold((0.0, true), |(sum, is_full), density| (sum + density, is_full && density > 0.0));
+        let mean = match is_full {
+            true => sum / POINTS as f32,
+            false => self.fine_points.iter().map(density).sum::<f32>() / FINE_POINTS as f32,
+        };
+        mean * (4.0 / 3.0 * std::f32::consts::PI * radius.powi(3))
     }
 
     /// One over what a mass scatters; 0 where that is nothing.
@@ -248,8 +260,8 @@ fn automatic(medium: &Medium, photons: usize) -> f32 {
 }
 
 /// Points spread evenly in the unit ball.
-fn ball() -> Vec<Vec3> {
-    let directions = harmonics::directions(POINTS);
+fn ball(count: usize) -> Vec<Vec3> {
+    let directions = harmonics::directions(count);
     // Radii in an order that has nothing to do with that of the directions.
     let radius = |place: usize| ((place as f32 * 0.754_877_7).fract() + 1e-3).cbrt().min(1.0);
     directions.into_iter().enumerate().map(|(place, direction)| radius(place) * direction).collect()

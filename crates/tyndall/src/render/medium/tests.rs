@@ -264,7 +264,7 @@ fn a_sun_of_one_pixel_is_a_distant_light_and_an_even_image_a_constant_sky() {
     let even = Light::Environment(Environment::image(8, &[[0.3; 3]; 32]).unwrap());
     let (pixel, toward) = lone_pixel(Vec3::new(-0.5, 1.0, 0.4).normalize(), PI, 0.3);
     let sun = Light::Directional(Directional::new(-toward, [PI; 3]).unwrap());
-    let photons = Multiple::Photons(photon_settings(600_000), Radius::Fixed(0.1), 1);
+    let photons = Multiple::Photons(photon_settings(600_000), Radius::Automatic, 1);
     for (name, image, plain) in
         [("even", vec![even], vec![sky([0.3; 3])]), ("sun", vec![pixel], vec![sun, sky([0.3; 3])])]
     {
