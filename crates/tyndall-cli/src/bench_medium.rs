@@ -86,7 +86,7 @@ const PHOTONS: u64 = 100_000;
 pub(crate) fn run(report: &Report) -> Outcome<()> {
     let smoke = synthetic::generate("smoke", report.progress())?;
     bench_density::run(&smoke, report)?;
-    report.out("\n| cache | resolution | single, s | GPU, CPU then | multiple by photons (stored), s | GPU, CPU then | by sweeps, s |\n|---|---|---|---|---|---|---|\n")?;
+    report.out("\n| cache | resolution | sun alone, s | GPU, CPU then | sun and sky, s | multiple by photons (stored), s | GPU, CPU then | by sweeps, s |\n|---|---|---|---|---|---|---|---|\n")?;
     let mut marched = String::from(
         "\n| march | 1K, s | 2K | 2K, 4 samples | GPU then | CPU then |\n|---|---|---|---|---|---|\n",
     );
@@ -173,9 +173,14 @@ impl<'a> Lit<'a> {
 
     /// Seconds that the cache takes, and the cache.
     fn lit(&self, spacing: Option<f32>, multiple: Multiple) -> Outcome<(f64, Cache)> {
+        self.lit_by(&self.lights, spacing, multiple)
+    }
+
+    /// The same by some lights.
+    fn lit_by(&self, lights: &[Light], spacing: Option<f32>, multiple: Multiple) -> Outcome<(f64, Cache)> {
         let settings = cache::Settings { spacing, multiple, ..cache::Settings::default() };
         let start = Instant::now();
-        let cache = Cache::new(&self.medium, &self.lights, &settings, self.report.progress())?;
+        let cache = Cache::new(&self.medium, lights, &settings, self.report.progress())?;
         Ok((start.elapsed().as_secs_f64(), cache))
     }
 
@@ -190,6 +195,7 @@ impl<'a> Lit<'a> {
         let extent = self.medium.density().bounds().extent();
         let edge = extent.max_element() / samples as f32;
         let spacing = Some(edge);
+        let (sun, _) = self.lit_by(&self.lights[..1], spacing, Multiple::None)?;
         let (single, _) = self.lit(spacing, Multiple::None)?;
         let (tracing, stored) = self.photons()?;
         let by_photons = Multiple::Photons(photon_settings(), Radius::Fixed(radius), 1);
@@ -200,7 +206,7 @@ impl<'a> Lit<'a> {
         let multiple = (with_photons - single - tracing).max(0.0);
         let sweeps = (with_sweeps - single).max(0.0);
         Ok(format!(
-            "| {} | {x}x{y}x{z} ({radius}) | {single:.2} | {}, {} | {multiple:.2} ({stored}) | {}, {} | {sweeps:.2} |\n",
+            "| {} | {x}x{y}x{z} ({radius}) | {sun:.2} | {}, {} | {single:.2} | {multiple:.2} ({stored}) | {}, {} | {sweeps:.2} |\n",
             set.name, single_then[0], single_then[1], multiple_then[0], multiple_then[1]
         ))
     }
