@@ -83,6 +83,9 @@ pub(super) fn solve(
 /// Coefficients of the radiance of the sky alone, before any scattering.
 pub(super) fn sky(channel: Channel, density: &Field, ordinates: &[Ordinate]) -> Vec<Field> {
     let dark = vec![vec![0.0; density.values.len()]; count(channel.order)];
+    if ordinates.iter().all(|ordinate| ordinate.inflow == 0.0) {
+        return fields(density.lattice, dark);
+    }
     fields(density.lattice, sweeper(channel, density).sweep(ordinates, &dark))
 }
 

@@ -33,9 +33,11 @@ pub enum Radius {
 const AUTOMATIC: f64 = 100.0;
 /// Alpha of progressive passes, between 0 (fewer photons count) and 1 (the radius stays).
 const SHRINKAGE: f32 = 2.0 / 3.0;
-/// Points of a ball at which the density is looked up, and of one that holds empty space: there the few may miss what little there is.
+/// Points of a ball at which the density is looked up, and of one that is mostly empty: there the few may miss what little there is.
 const POINTS: usize = 32;
-const FINE_POINTS: usize = 512;
+const FINE_POINTS: usize = 256;
+/// So few filled points are mostly empty.
+const FEW: usize = POINTS / 4;
 
 /// Photons, sorted by place.
 pub struct PhotonMap<'a> {
@@ -163,12 +165,12 @@ impl<'a> PhotonMap<'a> {
     /// Mass in a ball.
     fn mass(&self, at: Vec3, radius: f32) -> f32 {
         let density = |point: &Vec3| self.medium.density().density(at + radius * point);
-        let (sum, is_full) = self
-            .points
-            .iter()
-            .map(density)
-            .fold((0.0, true), |(sum, is_full), density| (sum + density, is_full && density > 0.0));
-        let mean = match is_full {
+        let (mut sum, mut filled) = (0.0, 0);
+        for found in self.points.iter().map(density) {
+            sum += found;
+            filled += usize::from(found > 0.0);
+        }
+        let mean = match filled >= FEW {
             true => sum / POINTS as f32,
             false => self.fine_points.iter().map(density).sum::<f32>() / FINE_POINTS as f32,
         };

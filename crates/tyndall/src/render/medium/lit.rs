@@ -4,6 +4,7 @@
 //! radiance that scattering adds per extinction; the three colors of it, or one that they are multiples of. Invariant: where the
 //! density is not 0, so is an entry; elsewhere the entry says how many bricks it is at least to the next one that is not empty.
 
+use bytemuck::Pod;
 use fearless_simd::{Level, Simd, dispatch};
 use fearless_simd_macros::simd;
 use glam::{Vec3, Vec3A, Vec4, Vec4Swizzles};
@@ -23,8 +24,8 @@ pub(super) trait Spectrum:
     + std::ops::Mul<Output = Self>
     + std::ops::Mul<f32, Output = Self>
 {
-    /// Density and light of a sample.
-    type Sample: Copy + Default + Send + Sync;
+    /// Density and light of a sample, in this order.
+    type Sample: Pod + Default + Send + Sync;
 
     /// All equal.
     fn splat(value: f32) -> Self;
@@ -142,29 +143,26 @@ impl Spectrum for Vec3 {
 
     #[inline(always)]
     fn sample(density: f32, light: Self) -> Self::Sample {
-        light.extend(density)
+        Vec4::new(density, light.x, light.y, light.z)
     }
 
     #[inline(always)]
     fn interpolate(samples: &[Self::Sample], fraction: Vec3A) -> (f32, Self) {
         let s = &samples[..CELL_END];
-        let mut sides = [Vec4::ZERO; 2];
-        for (side, at) in sides.iter_mut().zip([0, EDGE * EDGE]) {
-            let low = mixed(s[at], s[at + 1], fraction.x);
-            *side = mixed(low, mixed(s[at + EDGE], s[at + EDGE + 1], fraction.x), fraction.y);
-        }
-        let found = mixed(sides[0], sides[1], fraction.z);
-        (found.w, found.xyz())
+        let along_z = |at: usize| mixed(s[at], s[at + EDGE * EDGE], fraction.z);
+        let along_y = |at: usize| mixed(along_z(at), along_z(at + EDGE), fraction.y);
+        let found = mixed(along_y(0), along_y(1), fraction.x);
+        (found.x, found.yzw())
     }
 }
 
 /// Density and light. See the module.
 #[derive(Clone, Debug)]
 pub(super) struct LitBricks<L: Spectrum> {
-    space: Space,
+    pub(super) space: Space,
     /// The last sample along each axis.
-    last: Vec3A,
-    samples: Vec<L::Sample>,
+    pub(super) last: Vec3A,
+    pub(super) samples: Vec<L::Sample>,
 }
 
 /// Gives light to the samples of a row, all of one brick: from a place in the lattice on, along x.

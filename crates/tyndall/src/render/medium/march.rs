@@ -15,6 +15,7 @@ use rayon::prelude::*;
 use super::brute::BruteForce;
 use super::cache::{Cache, Lit};
 use super::lit::{LitBricks, Spectrum};
+use super::packet::{self, Paths};
 use super::space::Space;
 use super::walk::Path;
 use crate::error::{Error, Result};
@@ -104,9 +105,9 @@ struct Sums {
 }
 
 /// Rays end where less than this comes through.
-const DARK: f32 = 1e-3;
+pub(super) const DARK: f32 = 1e-3;
 /// Pixels along an edge of a tile.
-const TILE: usize = 16;
+const TILE: usize = packet::RAYS;
 
 impl<'a> March<'a> {
     /// A picture without samples yet. Fails with [`Error::Setting`] if a knob is out of range.
@@ -198,15 +199,22 @@ impl<'a> March<'a> {
         self.settings.step * self.medium.density().spacing()
     }
 
-    /// Adds a sample to a pixel.
+    /// The ray of a pixel's next sample, and where on a step its points lie.
     #[inline(always)]
-    fn sample(&self, column: u32, row: u32, sums: &mut Sums) {
+    fn ray(&self, column: u32, row: u32) -> (Ray, f32) {
         let Settings { width, samples, seed, .. } = self.settings;
         let (number, sample) = (row * width + column, self.samples_done);
         let at = |dimension| if samples == 1 { [0.5; 2] } else { point(seed, dimension, number, sample) };
         let [x, y] = at(Dimension::Pixel);
-        let ray = self.view.ray(column as f32 + x, row as f32 + y);
         let [start, _] = at(Dimension::Key);
+        (self.view.ray(column as f32 + x, row as f32 + y), start)
+    }
+
+    /// Adds a sample to a pixel.
+    #[inline(always)]
+    fn sample(&self, column: u32, row: u32, sums: &mut Sums) {
+        let Settings { width, seed, .. } = self.settings;
+        let (ray, start) = self.ray(column, row);
         let through = match &self.light {
             Source::Cached(cache, lit) => match &**lit {
                 Lit::Grey(bricks, hue) => {
@@ -218,13 +226,68 @@ impl<'a> March<'a> {
                 }
             },
             Source::BruteForce(brute) => {
-                let stream = Stream::new(u64::from(seed), u64::from(number) << 32 | u64::from(sample));
+                let number = row * width + column;
+                let stream =
+                    Stream::new(u64::from(seed), u64::from(number) << 32 | u64::from(self.samples_done));
                 self.brute(&ray, start, brute, stream).add_to(sums, Vec3::ONE)
             }
         };
-        let behind: Vec3 = self.skies.iter().map(|sky| sky.radiance(ray.direction)).sum();
+        self.add_behind(ray.direction, through, sums);
+    }
+
+    /// Adds what comes through from behind the medium.
+    #[inline(always)]
+    fn add_behind(&self, direction: Vec3, through: Vec3, sums: &mut Sums) {
+        let behind: Vec3 = self.skies.iter().map(|sky| sky.radiance(direction)).sum();
         sums.environment += through * behind;
         sums.transmittance += through;
+    }
+
+    /// What can be marched in packets, if that is all: light from the cache, without noise.
+    #[inline(always)]
+    fn packets(&self) -> Option<&Lit> {
+        match &self.light {
+            Source::Cached(cache, lit) if self.noise.is_none() && !cache.has_near() => Some(lit),
+            _ => None,
+        }
+    }
+
+    /// Adds a sample to each of at most sixteen pixels side by side.
+    #[inline(always)]
+    fn sample_packet<S: Simd>(&self, simd: S, lit: &Lit, column: u32, row: u32, sums: &mut [Sums]) {
+        let mut paths = Paths::new();
+        let mut directions = [Vec3::ZERO; packet::RAYS];
+        for lane in 0..sums.len() {
+            let (ray, start) = self.ray(column + lane as u32, row);
+            directions[lane] = ray.direction;
+            if let Some(path) = Path::within(&self.bounds, self.medium.density(), &ray) {
+                paths.set(lane, &path, start);
+            }
+        }
+        let extinction = Vec3::from(self.medium.optics().extinction) * self.step();
+        match lit {
+            Lit::Grey(bricks, hue) => {
+                let found =
+                    packet::march::<_, _, 1, 2>(simd, &paths, bricks, self.step(), [extinction[hue.channel]]);
+                for (lane, sums) in sums.iter_mut().enumerate() {
+                    sums.scattered += found.scattered[0][lane] * hue.color;
+                    sums.depth += found.depth[lane];
+                    sums.lost += found.lost[lane];
+                    self.add_behind(directions[lane], Vec3::splat(found.transmittance[0][lane]), sums);
+                }
+            }
+            Lit::Colored(bricks) => {
+                let found =
+                    packet::march::<_, _, 3, 4>(simd, &paths, bricks, self.step(), extinction.to_array());
+                for (lane, sums) in sums.iter_mut().enumerate() {
+                    let rgb = |channels: &[[f32; packet::RAYS]; 3]| Vec3::from(channels.map(|it| it[lane]));
+                    sums.scattered += rgb(&found.scattered);
+                    sums.depth += found.depth[lane];
+                    sums.lost += found.lost[lane];
+                    self.add_behind(directions[lane], rgb(&found.transmittance), sums);
+                }
+            }
+        }
     }
 
     /// Along a ray with light from the cache.
@@ -294,6 +357,19 @@ impl<'a> March<'a> {
     }
 }
 
+#[cfg(test)]
+impl March<'_> {
+    /// What [`March::pass`] does, a ray at a time.
+    pub(super) fn pass_by_rays(&mut self) {
+        let mut sums = std::mem::take(&mut self.sums);
+        for (number, sums) in (0..).zip(&mut sums) {
+            self.sample(number % self.settings.width, number / self.settings.width, sums);
+        }
+        self.sums = sums;
+        self.samples_done += 1;
+    }
+}
+
 /// The steps along a path that are not known to be empty.
 struct Crossing {
     path: Path,
@@ -327,16 +403,20 @@ impl Crossing {
 }
 
 /// Adds a sample to each pixel of a band of rows, tile by tile: the bricks that a tile's rays meet stay in the processor's cache,
-/// those of a whole row do not. Nothing in it is on lanes, but all of it is compiled for the machine at hand.
+/// those of a whole row do not. All of it is compiled for the machine at hand, on lanes or not.
 #[simd]
 fn sample_band<S: Simd>(simd: S, march: &March, first: u32, sums: &mut [Sums]) {
-    let _ = simd;
     let width = march.settings.width as usize;
     for left in (0..width).step_by(TILE) {
         for (row, sums) in (first..).zip(sums.chunks_exact_mut(width)) {
             let end = (left + TILE).min(width);
-            for (column, sum) in (left as u32..).zip(&mut sums[left..end]) {
-                march.sample(column, row, sum);
+            match march.packets() {
+                Some(lit) => march.sample_packet(simd, lit, left as u32, row, &mut sums[left..end]),
+                None => {
+                    for (column, sum) in (left as u32..).zip(&mut sums[left..end]) {
+                        march.sample(column, row, sum);
+                    }
+                }
             }
         }
     }

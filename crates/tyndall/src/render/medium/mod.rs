@@ -14,6 +14,7 @@ pub mod gather;
 mod harmonics;
 mod lit;
 pub mod march;
+mod packet;
 pub mod photons;
 pub mod reference;
 mod regular;

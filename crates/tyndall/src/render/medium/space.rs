@@ -13,13 +13,13 @@ use crate::medium::grid::BRICK;
 #[derive(Clone, Debug)]
 pub(super) struct Space {
     /// Bricks along x, y, z, those of the margin too.
-    size: [usize; 3],
+    pub(super) size: [usize; 3],
     /// Bricks beyond the grid, on each side.
-    margin: i32,
+    pub(super) margin: i32,
     /// The last brick along x, y, z, counted from the first one of the margin.
-    last: Vec3A,
+    pub(super) last: Vec3A,
     /// The number of a filled brick, or minus the distance of the next one.
-    entries: Vec<i32>,
+    pub(super) entries: Vec<i32>,
 }
 
 /// Distances are not told apart beyond this one.

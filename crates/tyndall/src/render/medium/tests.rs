@@ -325,6 +325,51 @@ fn the_same_seed_gives_the_same_bits_for_any_number_of_threads() {
 }
 
 #[test]
+fn packets_of_rays_find_what_each_ray_finds_bit_for_bit() {
+    let colored = Optics { extinction: [4.0, 7.0, 12.0], albedo: [0.9, 0.8, 0.7], ..grey(0.0, 0.0, 0.3) };
+    // Lumps with empty bricks between them, and a cloud that is opaque and far off center.
+    let mut stream = Stream::new(73, 0);
+    let size = [70, 41, 56];
+    let corner = |stream: &mut Stream| size.map(|count| (stream.unit() * (count - 9) as f32) as u32);
+    let corners: Vec<[u32; 3]> = (0..9).map(|_| corner(&mut stream)).collect();
+    let value = |place: u32| {
+        let at = [place % size[0], place / size[0] % size[1], place / (size[0] * size[1])];
+        let inside =
+            |corner: &[u32; 3]| (0..3).all(|axis| (corner[axis]..corner[axis] + 9).contains(&at[axis]));
+        corners.iter().filter(|corner| inside(corner)).count() as f32 * (1.0 + at[0] as f32 / 70.0)
+    };
+    let values: Vec<f32> = (0..size.iter().product()).map(value).collect();
+    let grid = Grid::from_dense(Vec3::new(-1.0, -0.6, -0.8), 2.0 / 70.0, size, &values).unwrap();
+    let sparse = |optics| Medium::new(grid.clone(), optics).unwrap();
+    for medium in [lumps(grey(9.0, 0.9, 0.0)), lumps(colored), sparse(grey(40.0, 0.9, 0.0)), sparse(colored)]
+    {
+        let lights = [sun([PI, 2.0, 1.0]), sky([0.3; 3])];
+        let cache = Cache::new(&medium, &lights, &Settings::default(), &()).unwrap();
+        let inside = Projection::Perspective { vertical_angle: 1.2 };
+        let eyes = [DVec3::new(0.0, 0.0, 5.0), DVec3::new(0.1, 0.2, 0.3), DVec3::new(-2.0, 1.0, 0.0)];
+        let projections = [Projection::Orthographic { height: 2.4 }, inside, inside];
+        for (eye, projection) in eyes.into_iter().zip(projections) {
+            let camera = Camera { eye, look_at: DVec3::ZERO, up: DVec3::Y, projection };
+            let view = camera.view(DVec3::ZERO, 37, 21).unwrap();
+            for samples in [1, 2] {
+                let settings = march::Settings { width: 37, height: 21, samples, seed: 9, step: 1.3 };
+                let march =
+                    || March::new(&medium, Illumination::Cached(&cache), &lights, view, settings).unwrap();
+                let [mut packets, mut rays] = [march(), march()];
+                for _ in 0..samples {
+                    packets.pass(&()).unwrap();
+                    rays.pass_by_rays();
+                }
+                let different =
+                    packets.pixels().into_iter().zip(rays.pixels()).filter(|(a, b)| a != b).count();
+                assert_eq!(different, 0, "eye {eye}, {samples} samples");
+                assert!(rays.pixels().iter().any(|pixel| pixel.scattered.x > 0.0));
+            }
+        }
+    }
+}
+
+#[test]
 fn noise_of_amplitude_zero_changes_little_and_noise_keeps_the_mean() {
     let medium = cube(0.5, 0.9, 0.0);
     let lights = [sky([1.0; 3])];

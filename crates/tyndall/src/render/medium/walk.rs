@@ -13,10 +13,10 @@ use crate::medium::grid::{BRICK, EDGE, Grid, STORED};
 #[derive(Clone, Copy, Default)]
 pub(super) struct Path {
     /// Where it enters, in lattice units.
-    start: Vec3A,
+    pub(super) start: Vec3A,
     /// Its way in lattice units per unit length.
-    direction: Vec3A,
-    inv_direction: Vec3A,
+    pub(super) direction: Vec3A,
+    pub(super) inv_direction: Vec3A,
     /// Distance along the ray at which it enters.
     pub(super) enter: f32,
     /// How far it goes inside.

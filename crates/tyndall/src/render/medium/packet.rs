@@ -1,0 +1,269 @@
+//! Sixteen rays of the march side by side: each goes its own way through the bricks, all in the same instructions.
+//!
+//! Takes sixteen paths and what the march looks up; gives for each what [`super::march`] finds for one ray, bit for bit. A step of all
+//! sixteen finds their bricks, sends those in empty ones ahead, and looks up density and light for the others. Sixteen look-ups that do
+//! not wait for each other hide the time that memory takes.
+
+use fearless_simd::{f32x16, prelude::*};
+use fearless_simd_macros::simd;
+
+use super::lit::{LitBricks, Spectrum};
+use super::march::DARK;
+use super::space::Space;
+use super::walk::Path;
+use crate::math::exp_minus;
+use crate::medium::grid::{BRICK, EDGE, STORED};
+use crate::simd::Lanes3;
+
+/// Rays side by side.
+pub(super) const RAYS: usize = 16;
+
+/// Sixteen paths. One of length 0 is of no ray.
+pub(super) struct Paths {
+    start: [[f32; RAYS]; 3],
+    direction: [[f32; RAYS]; 3],
+    inv_direction: [[f32; RAYS]; 3],
+    enter: [f32; RAYS],
+    length: [f32; RAYS],
+    /// Where on a step its point lies.
+    offset: [f32; RAYS],
+}
+
+impl Paths {
+    pub(super) fn new() -> Self {
+        let none = [0.0; RAYS];
+        let [start, direction, inv_direction] = [[none; 3], [[1.0; RAYS]; 3], [[1.0; RAYS]; 3]];
+        Self { start, direction, inv_direction, enter: none, length: none, offset: none }
+    }
+
+    #[inline(always)]
+    pub(super) fn set(&mut self, lane: usize, path: &Path, offset: f32) {
+        for axis in 0..3 {
+            self.start[axis][lane] = path.start[axis];
+            self.direction[axis][lane] = path.direction[axis];
+            self.inv_direction[axis][lane] = path.inv_direction[axis];
+        }
+        (self.enter[lane], self.length[lane], self.offset[lane]) = (path.enter, path.length, offset);
+    }
+}
+
+/// What sixteen rays have gathered, of `C` colors.
+pub(super) struct Gathered<const C: usize> {
+    pub(super) transmittance: [[f32; RAYS]; C],
+    pub(super) scattered: [[f32; RAYS]; C],
+    pub(super) depth: [f32; RAYS],
+    pub(super) lost: [f32; RAYS],
+}
+
+/// Density and light at the eight corners of sixteen cells: by y and z of the row, side along x, and value.
+type Corners<const V: usize> = [[[[f32; RAYS]; V]; 2]; 4];
+
+/// Marches along sixteen paths in steps of one length. `V` is one more than the `C` colors; `extinction` is that of a step.
+#[simd]
+pub(super) fn march<S: Simd, L: Spectrum, const C: usize, const V: usize>(
+    simd: S,
+    paths: &Paths,
+    bricks: &LitBricks<L>,
+    step: f32,
+    extinction: [f32; C],
+) -> Gathered<C> {
+    const { assert!(V == C + 1 && size_of::<L::Sample>() == V * size_of::<f32>()) };
+    let zero = f32x16::splat(simd, 0.0);
+    let (start, direction) = (Lanes3::load(simd, &paths.start), Lanes3::load(simd, &paths.direction));
+    let inv_direction = Lanes3::load(simd, &paths.inv_direction);
+    let offset = f32x16::load_array_ref(simd, &paths.offset);
+    let (enter, length) =
+        (f32x16::load_array_ref(simd, &paths.enter), f32x16::load_array_ref(simd, &paths.length));
+
+    let mut corners: Corners<V> = [[[[0.0; RAYS]; V]; 2]; 4];
+    let (mut transmittance, mut scattered) = ([f32x16::splat(simd, 1.0); C], [zero; C]);
+    let (mut depth, mut lost_in_all) = (zero, zero);
+    let mut number = zero;
+    let mut on_the_way = zero.simd_lt(length);
+    loop {
+        let distance = (number + offset) * f32x16::splat(simd, step);
+        on_the_way &= distance.simd_lt(length);
+        if on_the_way.to_bitmask() == 0 {
+            break;
+        }
+        number += f32x16::splat(simd, 1.0);
+        let place = start.plus(direction.times(distance));
+        let brick = floor(place.times(f32x16::splat(simd, 1.0 / BRICK as f32)));
+        let (number_of, entries) = bricks.space.entries(simd, brick);
+        let filled = on_the_way & entries.simd_ge(zero);
+        if (on_the_way & !filled).to_bitmask() != 0 {
+            let end = leave(simd, (start, inv_direction), brick, -entries);
+            let ahead = (end / f32x16::splat(simd, step) - offset).ceil();
+            number = (!filled & ahead.simd_gt(number)).select(ahead, number);
+        }
+        let left = filled.to_bitmask() as u32;
+        if left == 0 {
+            continue;
+        }
+
+        let last = bricks.last;
+        let inside = Lanes3 {
+            x: place.x.max(zero).min(f32x16::splat(simd, last.x)),
+            y: place.y.max(zero).min(f32x16::splat(simd, last.y)),
+            z: place.z.max(zero).min(f32x16::splat(simd, last.z)),
+        };
+        let cell = floor(inside);
+        let fraction = inside.minus(cell);
+        let first = floor(inside.times(f32x16::splat(simd, 1.0 / BRICK as f32)))
+            .times(f32x16::splat(simd, BRICK as f32));
+        let at = cell.minus(first);
+        // Exact in floats.
+        let at =
+            at.x + at.y * f32x16::splat(simd, EDGE as f32) + at.z * f32x16::splat(simd, (EDGE * EDGE) as f32);
+        collect(bricks, &number_of, &at.to_array(), left, &mut corners);
+        let values = interpolate(simd, &corners, fraction);
+
+        let density = values[0];
+        let holds = filled & density.simd_gt(zero);
+        let (mut most, mut lost_here) = (zero, zero);
+        for color in 0..C {
+            let thickness = (f32x16::splat(simd, extinction[color]) * density).to_array();
+            let through = transmittance[color] * f32x16::load_array(simd, exponentials(thickness));
+            let lost = holds.select(transmittance[color] - through, zero);
+            transmittance[color] = holds.select(through, transmittance[color]);
+            scattered[color] += lost * holds.select(values[1 + color], zero);
+            most = most.max(transmittance[color]);
+            lost_here += lost;
+        }
+        if C == 1 {
+            lost_here *= f32x16::splat(simd, 3.0);
+        }
+        depth += lost_here * (enter + distance);
+        lost_in_all += lost_here;
+        on_the_way &= most.simd_ge(f32x16::splat(simd, DARK));
+    }
+    let mut gathered = Gathered {
+        transmittance: [[0.0; RAYS]; C],
+        scattered: [[0.0; RAYS]; C],
+        depth: depth.to_array(),
+        lost: lost_in_all.to_array(),
+    };
+    for color in 0..C {
+        transmittance[color].store_array(&mut gathered.transmittance[color]);
+        scattered[color].store_array(&mut gathered.scattered[color]);
+    }
+    gathered
+}
+
+impl Space {
+    /// [`Space::entry`] of bricks, as it is kept: their numbers, or minus how far the next one is; also as floats.
+    #[inline(always)]
+    fn entries<S: Simd>(&self, simd: S, brick: Lanes3<f32x16<S>>) -> ([i32; RAYS], f32x16<S>) {
+        let margin = self.margin as f32;
+        let x = within(simd, brick.x, margin, self.last.x).to_array();
+        let y = within(simd, brick.y, margin, self.last.y).to_array();
+        let z = within(simd, brick.z, margin, self.last.z).to_array();
+        let [width, height, _] = self.size;
+        let mut numbers = [0; RAYS];
+        let mut floats = [0.0; RAYS];
+        for lane in 0..RAYS {
+            let place = (z[lane] as usize * height + y[lane] as usize) * width + x[lane] as usize;
+            numbers[lane] = self.entries[place];
+            floats[lane] = numbers[lane] as f32;
+        }
+        (numbers, f32x16::load_array(simd, floats))
+    }
+}
+
+/// Counted from the first brick of the margin, and between the first and the last.
+#[inline(always)]
+fn within<S: Simd>(simd: S, brick: f32x16<S>, margin: f32, last: f32) -> f32x16<S> {
+    let from_margin = brick + f32x16::splat(simd, margin);
+    from_margin.max(f32x16::splat(simd, 0.0)).min(f32x16::splat(simd, last))
+}
+
+/// [`Space::leave`] on lanes.
+#[inline(always)]
+fn leave<S: Simd>(
+    simd: S,
+    (start, inv_direction): (Lanes3<f32x16<S>>, Lanes3<f32x16<S>>),
+    brick: Lanes3<f32x16<S>>,
+    away: f32x16<S>,
+) -> f32x16<S> {
+    leave_axis(simd, brick.x, away, start.x, inv_direction.x)
+        .min(leave_axis(simd, brick.y, away, start.y, inv_direction.y))
+        .min(leave_axis(simd, brick.z, away, start.z, inv_direction.z))
+}
+
+#[inline(always)]
+fn leave_axis<S: Simd>(
+    simd: S,
+    brick: f32x16<S>,
+    away: f32x16<S>,
+    start: f32x16<S>,
+    inv_direction: f32x16<S>,
+) -> f32x16<S> {
+    let (edge, one) = (f32x16::splat(simd, BRICK as f32), f32x16::splat(simd, 1.0));
+    let forward = inv_direction.simd_gt(f32x16::splat(simd, 0.0));
+    let side = forward.select(edge * (brick + away), edge * (brick - (away - one)));
+    (side - start) * inv_direction
+}
+
+#[inline(always)]
+fn floor<S: Simd>(at: Lanes3<f32x16<S>>) -> Lanes3<f32x16<S>> {
+    Lanes3 { x: at.x.floor(), y: at.y.floor(), z: at.z.floor() }
+}
+
+/// Fetches the corners of the cells of the lanes in the mask, which lie at `at` in their bricks.
+#[inline(always)]
+fn collect<L: Spectrum, const V: usize>(
+    bricks: &LitBricks<L>,
+    numbers: &[i32; RAYS],
+    at: &[f32; RAYS],
+    mut left: u32,
+    corners: &mut Corners<V>,
+) {
+    let samples: &[f32] = bytemuck::cast_slice(&bricks.samples);
+    while left != 0 {
+        let lane = left.trailing_zeros() as usize;
+        left &= left - 1;
+        let first = (numbers[lane] as usize * STORED + at[lane] as usize) * V;
+        let cell = &samples[first..first + (EDGE * EDGE + EDGE + 2) * V];
+        for (row, from) in [0, EDGE, EDGE * EDGE, EDGE * EDGE + EDGE].into_iter().enumerate() {
+            let from = &cell[from * V..][..2 * V];
+            for side in 0..2 {
+                for value in 0..V {
+                    corners[row][side][value][lane] = from[side * V + value];
+                }
+            }
+        }
+    }
+}
+
+/// Trilinear, along z, y and x in turn.
+#[inline(always)]
+fn interpolate<S: Simd, const V: usize>(
+    simd: S,
+    corners: &Corners<V>,
+    fraction: Lanes3<f32x16<S>>,
+) -> [f32x16<S>; V] {
+    let mut values = [f32x16::splat(simd, 0.0); V];
+    for value in 0..V {
+        let mut rows = [[f32x16::splat(simd, 0.0); 2]; 2];
+        for row in 0..2 {
+            for side in 0..2 {
+                let low = f32x16::load_array_ref(simd, &corners[row][side][value]);
+                let high = f32x16::load_array_ref(simd, &corners[row + 2][side][value]);
+                rows[row][side] = low + fraction.z * (high - low);
+            }
+        }
+        let [[low, high], [low_y, high_y]] = rows;
+        let (low, high) = (low + fraction.y * (low_y - low), high + fraction.y * (high_y - high));
+        values[value] = low + fraction.x * (high - low);
+    }
+    values
+}
+
+/// [`exp_minus`] of sixteen numbers.
+#[inline(always)]
+fn exponentials(mut numbers: [f32; RAYS]) -> [f32; RAYS] {
+    for number in &mut numbers {
+        *number = exp_minus(*number);
+    }
+    numbers
+}
