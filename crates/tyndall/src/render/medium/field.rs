@@ -59,8 +59,29 @@ impl Field {
 
     /// The values at the samples of another lattice, interpolated.
     pub(super) fn interpolated(&self, lattice: Lattice) -> Self {
-        let sample = |place: usize| self.value(lattice.position(sample(&lattice, place)));
-        let values = (0..lattice.sample_count() as usize).into_par_iter().map(sample).collect();
+        let [x, y, z] = [0, 1, 2].map(|axis| cells(&self.lattice, &lattice, axis));
+        let [width, height, _] = self.lattice.size.map(|it| it as usize);
+        let row = |[y, z]: [usize; 2]| &self.values[(z * height + y) * width..][..width];
+        let mut values = vec![0.0; lattice.sample_count() as usize];
+        let rows = values.par_chunks_exact_mut(x.len()).enumerate();
+        // A row between four is found first, then the samples along it.
+        rows.for_each_init(
+            || vec![0.0; width],
+            |between, (number, values)| {
+                let (y, z) = (&y[number % y.len()], &z[number / y.len()]);
+                let corners =
+                    [[y.first, z.first], [y.second, z.first], [y.first, z.second], [y.second, z.second]];
+                let [a, b, c, d] = corners.map(row);
+                for (between, (((a, b), c), d)) in between.iter_mut().zip(a.iter().zip(b).zip(c).zip(d)) {
+                    let (low, high) = (a + y.share * (b - a), c + y.share * (d - c));
+                    *between = low + z.share * (high - low);
+                }
+                for (value, x) in values.iter_mut().zip(&x) {
+                    let low = between[x.first];
+                    *value = low + x.share * (between[x.second] - low);
+                }
+            },
+        );
         Self { lattice, values }
     }
 
@@ -105,6 +126,25 @@ pub(super) fn cell(lattice: &Lattice, at: Vec3) -> (usize, [usize; 3], Vec3) {
     let step = |count: usize, step: usize| if count > 1 { step } else { 0 };
     let steps = [step(width, 1), step(height, width), step(depth, width * height)];
     ((z * height + y) * width + x, steps, fraction)
+}
+
+/// Where a sample of one axis lies between two of another: the two, and the share of the second.
+struct Between {
+    first: usize,
+    second: usize,
+    share: f32,
+}
+
+/// Of all samples of an axis of the lattice `to` between those of `from`, clamped to its border.
+fn cells(from: &Lattice, to: &Lattice, axis: usize) -> Vec<Between> {
+    let last = from.size[axis] as usize - 1;
+    let cell = |sample: u32| {
+        let at = to.origin[axis] + sample as f32 * to.spacing;
+        let place = ((at - from.origin[axis]) / from.spacing).clamp(0.0, last as f32);
+        let first = (place as usize).min(last.saturating_sub(1));
+        Between { first, second: (first + 1).min(last), share: place - first as f32 }
+    };
+    (0..to.size[axis]).map(cell).collect()
 }
 
 /// Weights of tents: which samples of a coarse axis a sample of a fine axis goes to. The first, and the share of the next one.

@@ -113,7 +113,9 @@ fn summed<S: Simd>(simd: S, planes: &Planes, row: isize, density: &[f32]) -> Row
     let before = if planes.slopes[0] > 0.0 { beside } else { 0 };
     let mut sums = vec![0.0_f32; lanes + beside + 2];
     let mut last = sums.clone();
-    let mut found = Row { first: 0, sums: Vec::new() };
+    let is_over = |plane: &usize| (-1..rows as isize).contains(&(row + planes.moved(*plane, 1).0));
+    let over = (0..count).filter(is_over).count();
+    let mut found = Row { first: 0, sums: Vec::with_capacity(over * (lanes + 2)) };
     for plane in 0..count {
         let ((moved, lane_share), (down, row_share)) = (planes.moved(plane, 0), planes.moved(plane, 1));
         // The column before the first sample.
@@ -132,7 +134,7 @@ fn summed<S: Simd>(simd: S, planes: &Planes, row: isize, density: &[f32]) -> Row
                 &mut last[inner],
             );
         }
-        if (-1..rows as isize).contains(&at) {
+        if is_over(&plane) {
             if found.sums.is_empty() {
                 found.first = plane;
             }
