@@ -80,7 +80,7 @@ pub(crate) enum CullingName {
 pub(crate) enum Proof {
     /// Nothing
     None,
-    /// Single rays end at a clip depth, and go on behind it if they find nothing (pkd, treelets, brute)
+    /// Single rays end at a clip depth, and go on behind it if they find nothing (pkd, treelets, brute); not by default, it saves nothing
     Clip,
     /// Passes after the first begin with the leaves that the first went through (bvh)
     VisibleSet,
@@ -90,7 +90,7 @@ pub(crate) enum Proof {
     LightBounds,
 }
 
-const DEFAULT_PROOFS: [Proof; 3] = [Proof::Clip, Proof::VisibleSet, Proof::LightBounds];
+const DEFAULT_PROOFS: [Proof; 2] = [Proof::VisibleSet, Proof::LightBounds];
 
 impl std::fmt::Display for Proof {
     fn fmt(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
@@ -115,7 +115,7 @@ pub(crate) fn tell(culling: &Culling, counts: &Counts, report: &Report) {
     let percent = |part: u64, all: u64| format!("{:.2} %", 100.0 * part as f64 / all.max(1) as f64);
     if options.light_bounds && counts.light_points > 0 {
         let all = counts.light_points;
-        let lit = all - counts.surely_shadowed - counts.traced;
+        let lit = all.saturating_sub(counts.surely_shadowed + counts.traced);
         report.detail(format_args!(
             "light-bounds: {} points looked for light; surely lit {}, surely shadowed {}, traced {}",
             grouped(all as usize),

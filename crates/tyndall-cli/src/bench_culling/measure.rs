@@ -105,7 +105,7 @@ pub(super) struct Visited {
 
 /// Renders the windows without culling, and with the certified kind.
 pub(super) fn off(scene: &Scene, windows: &Windows, report: &Report) -> Outcome<Off> {
-    let certified = Culling::Certified(certified::Options::default());
+    let certified = Culling::Certified(certified::Options { clip: true, ..certified::Options::default() });
     let (certified_secs, _) = pictures(scene, windows, certified, report)?;
     let (secs, images) = pictures(scene, windows, Culling::Off, report)?;
     Ok(Off { secs, certified_secs, images })

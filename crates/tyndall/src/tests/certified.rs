@@ -15,7 +15,7 @@ use crate::synthetic;
 use fearless_simd::Level;
 use glam::{DVec3, Vec3};
 
-/// Every proof alone, and all.
+/// Every proof alone, those that are sought by default, and all.
 fn proofs() -> Vec<Options> {
     let alone = [
         |options: &mut Options| options.clip = true,
@@ -28,7 +28,8 @@ fn proofs() -> Vec<Options> {
         set(&mut options);
         options
     });
-    alone.into_iter().chain([Options::default()]).collect()
+    let all = Options { clip: true, visible_set: true, coverage: true, light_bounds: true };
+    alone.into_iter().chain([Options::default(), all]).collect()
 }
 
 const KINDS: [Kind; 4] = [
