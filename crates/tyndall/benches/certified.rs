@@ -1,7 +1,8 @@
 //! Certified culling beside none: `cargo bench -p tyndall --bench certified -- SET?n=COUNT ...` prints a Markdown table.
 //!
 //! 800 x 800 pixels, three views (along an axis, a diagonal, oblique), alternating projections. Pictures with and without are made in
-//! turn in the same memory; a time is the median of three pairs after a first one. A ratio below 1 means that certified is faster.
+//! turn in the same memory; a time is the median of three pairs after a first one. A ratio below 1 means that certified is faster. `kept` is a
+//! picture whose samples are kept beside one that is colored and lit anew from them.
 
 use std::time::Instant;
 
@@ -55,7 +56,7 @@ fn measure(set: &str) {
             let [off, certified, ratio] = pair(&scene, &camera, samples);
             let counts = counts(&scene, &camera, samples, Options::default());
             let percent = |count: u64| 100.0 * count as f64 / counts.light_points.max(1) as f64;
-            let lit = counts.light_points - counts.surely_shadowed - counts.traced;
+            let lit = counts.light_points.saturating_sub(counts.surely_shadowed + counts.traced);
             println!(
                 "| {set} | {at} | {name} | {off:.1} | {certified:.1} | {ratio:.3} | {:.2}, {:.2}, {:.4} |",
                 percent(lit),
@@ -64,6 +65,8 @@ fn measure(set: &str) {
             );
         }
         scene.lighting = Lighting::Headlight;
+        let [made, anew] = anew(&scene, &camera);
+        println!("| {set} | {at} | headlight, 16, kept | {made:.1} | {anew:.1} | {:.3} | |", anew / made);
         let coverage = Options { coverage: true, ..Options::default() };
         let counts = counts(&scene, &camera, 64, coverage);
         let percent = 100.0 * counts.evicted_leaves as f64 / counts.leaves.max(1) as f64;
@@ -115,6 +118,27 @@ fn pair(scene: &Scene, camera: &Camera, samples: u32) -> [f64; 3] {
         values[values.len() / 2]
     };
     [median(|pair| pair[0]), median(|pair| pair[1]), median(|pair| pair[1] / pair[0])]
+}
+
+/// Milliseconds of a picture whose samples are kept, and of the same colored and lit anew from them: medians.
+fn anew(scene: &Scene, camera: &Camera) -> [f64; 2] {
+    let mut times = [Vec::new(), Vec::new()];
+    for _ in 0..=ROUNDS {
+        let renderer =
+            Renderer::new(scene, camera, &settings(16, Culling::default())).expect("valid settings");
+        let mut renderer = renderer.keeping_samples();
+        let start = Instant::now();
+        renderer.finish(&()).expect("not interrupted");
+        times[0].push(1e3 * start.elapsed().as_secs_f64());
+        let samples = renderer.into_samples().expect("they are kept");
+        let start = Instant::now();
+        samples.image(scene, &()).expect("the same scene");
+        times[1].push(1e3 * start.elapsed().as_secs_f64());
+    }
+    times.map(|mut times| {
+        times.sort_by(f64::total_cmp);
+        times[times.len() / 2]
+    })
 }
 
 fn counts(scene: &Scene, camera: &Camera, samples: u32, options: Options) -> Counts {
