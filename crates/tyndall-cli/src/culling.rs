@@ -124,6 +124,12 @@ pub(crate) fn tell(culling: &Culling, counts: &Counts, report: &Report) {
             percent(counts.traced, all),
         ));
     }
+    if options.visible_set && counts.remembered_leaves > 0 {
+        report.detail(format_args!(
+            "visible-set: {} leaves drawn again without a way to them",
+            grouped(counts.remembered_leaves as usize),
+        ));
+    }
     if options.coverage && counts.leaves > 0 {
         report.detail(format_args!(
             "coverage: no ray can see {} of {} leaves, {} of {} bricks",

@@ -40,6 +40,8 @@ pub struct Counts {
     pub clipped_rays: u64,
     /// See there.
     pub resumed_rays: u64,
+    /// Leaves that passes after the first knew of before they began, over all tiles.
+    pub remembered_leaves: u64,
     /// Leaves and bricks (4 million particles) of the structure, and those of them that no ray of the view can see.
     pub leaves: u64,
     /// See there.
@@ -60,6 +62,7 @@ impl AddAssign for Counts {
     fn add_assign(&mut self, other: Self) {
         self.clipped_rays += other.clipped_rays;
         self.resumed_rays += other.resumed_rays;
+        self.remembered_leaves += other.remembered_leaves;
         self.leaves += other.leaves;
         self.evicted_leaves += other.evicted_leaves;
         self.bricks += other.bricks;

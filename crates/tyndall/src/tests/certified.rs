@@ -156,6 +156,26 @@ fn no_sample_differs_on_spikes_and_a_lattice_seen_along_its_rows() {
 }
 
 #[test]
+fn passes_after_the_first_know_the_leaves_of_the_first() {
+    let mut random = Random::new(6);
+    let (particles, radii) = particles(Law::Uniform, 3000, &mut random);
+    let camera = camera(&particles.bounds(), &mut random);
+    let scene = scene(&particles, &radii, Kind::default(), Lighting::Headlight);
+    let remembered = |samples, options| {
+        let culling = Culling::Certified(options);
+        let settings = Settings { width: 64, height: 64, samples, seed: 0, culling };
+        let mut renderer = Renderer::new(&scene, &camera, &settings).unwrap();
+        renderer.finish(&()).unwrap();
+        renderer.counts().remembered_leaves
+    };
+    let [one_pass, four] = [16, 64].map(|samples| remembered(samples, Options::default()));
+    assert_eq!(one_pass, 0);
+    // A tile that is seen draws a leaf at least, three times again.
+    assert!(four >= 3 * 10, "{four}");
+    assert_eq!(remembered(64, Options { visible_set: false, ..Options::default() }), 0);
+}
+
+#[test]
 fn bounds_decide_nearly_all_shadows_and_say_how_many() {
     let mut random = Random::new(5);
     let (particles, radii) = particles(Law::Uniform, 3000, &mut random);

@@ -257,9 +257,9 @@ impl<'a> March<'a> {
     fn sample_packet<S: Simd>(&self, simd: S, lit: &Lit, column: u32, row: u32, sums: &mut [Sums]) {
         let mut paths = Paths::new();
         let mut directions = [Vec3::ZERO; packet::RAYS];
-        for lane in 0..sums.len() {
+        for (lane, direction) in directions.iter_mut().enumerate().take(sums.len()) {
             let (ray, start) = self.ray(column + lane as u32, row);
-            directions[lane] = ray.direction;
+            *direction = ray.direction;
             if let Some(path) = Path::within(&self.bounds, self.medium.density(), &ray) {
                 paths.set(lane, &path, start);
             }
