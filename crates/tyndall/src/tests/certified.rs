@@ -10,7 +10,7 @@ use crate::scene::automatic;
 use crate::scene::camera::{Camera, Projection};
 use crate::scene::color::ParticleColors;
 use crate::scene::light::Lighting;
-use crate::structure::{Kind, Packing, Structure, pkd};
+use crate::structure::{Kind, Packing, Structure, pkd, treelets};
 use crate::synthetic;
 use fearless_simd::Level;
 use glam::{DVec3, Vec3};
@@ -32,11 +32,16 @@ fn proofs() -> Vec<Options> {
     alone.into_iter().chain([Options::default(), all]).collect()
 }
 
-const KINDS: [Kind; 4] = [
+const KINDS: [Kind; 5] = [
     Kind::Bvh(Packing::Exact),
     Kind::Bvh(Packing::Bits11),
     Kind::Pkd(pkd::Options { axis: pkd::Axis::WidestExtent, order: pkd::Order::NodeFirst }),
     Kind::Pkd(pkd::Options { axis: pkd::Axis::RoundRobin, order: pkd::Order::NearChildFirst }),
+    Kind::Treelets(treelets::Options {
+        size: 16,
+        cut: treelets::Cut::Middle,
+        heap: pkd::Options { axis: pkd::Axis::WidestExtent, order: pkd::Order::NodeFirst },
+    }),
 ];
 
 /// The picture without and with each of the proofs must be the same; says how many pixels met something.
