@@ -114,8 +114,8 @@ pub fn enter_sphere(ray: &Ray, center: Vec3, radius: f32) -> f32 {
     if half_chord_sq > 0.0 && ray.t_min < t && t < ray.t_max { t } else { ray.t_max }
 }
 
-/// e^-x for x of at least 0, with a relative error below 1e-7 (4 + x), of which x times the last place of x is its rounding; 0 beyond 87. Without a branch or a call, so that compilers put it on
-/// lanes, and the same on every machine.
+/// e^-x for x of at least 0; 0 beyond 87. The relative error is below 1e-7 (4 + x): what grows with x is the rounding of x log2(e).
+/// Without a branch or a call, so that compilers put it on lanes, and the same on every machine.
 #[inline(always)]
 pub(crate) fn exp_minus(x: f32) -> f32 {
     // Powers of 2: the whole part goes to the exponent, the rest is at most a half.

@@ -287,7 +287,7 @@ fn a_picture_of_the_sky_is_a_light() {
     folder.file("even.hdr", hdr([128, 128, 128, 127]));
     let image = SCENE.replace("kind = 'sky'\nradiance = 0.25", "kind = 'image'\nfile = 'even.hdr'");
     folder.file("a.toml", &image);
-    // Balls of photons at the border of so small a block hold little of it: that is good to 3 %.
+    // Balls of photons are as wide as a fourth of the block, and reach from its border inward only, where more light was scattered before.
     for (more, most) in
         [("", 1.0), ("--method reference --samples 64", 1.0), ("--cache photons --photons 20000", 2.0)]
     {

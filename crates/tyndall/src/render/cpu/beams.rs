@@ -12,7 +12,7 @@ use fearless_simd_macros::simd;
 use glam::Vec3;
 
 use super::hits::PACKETS;
-use super::shadows::Light;
+use super::shadows::{Light, Span, under};
 use super::tiles::RAYS;
 use crate::math::HIT_ROUNDING;
 use crate::render::certified::Counts;
@@ -25,20 +25,6 @@ pub(super) struct Points<'a> {
     pub(super) position: &'a [[[f32; RAYS]; 3]; PACKETS],
     pub(super) at: &'a [[[f32; RAYS]; 3]; PACKETS],
     pub(super) on: &'a [[u32; RAYS]; PACKETS],
-}
-
-impl Points<'_> {
-    /// Which points of a packet something at (x, y) that reaches so far to both sides, and up to `top`, can shadow.
-    #[inline(always)]
-    fn under<S: Simd>(&self, simd: S, packet: usize, [x, y]: [f32; 2], reach: [f32; 2], top: f32) -> u16 {
-        let at = Lanes3::load(simd, &self.at[packet]);
-        let off_x = (at.x - f32x16::splat(simd, x)).abs();
-        let off_y = (at.y - f32x16::splat(simd, y)).abs();
-        let under = off_x.simd_le(f32x16::splat(simd, reach[0]))
-            & off_y.simd_le(f32x16::splat(simd, reach[1]))
-            & at.z.simd_le(f32x16::splat(simd, top));
-        under.to_bitmask() as u16
-    }
 }
 
 /// What the points of each packet that are still lit span: a rectangle across the direction, and the depth of the first along it;
@@ -109,21 +95,14 @@ impl Spans {
         under & packets
     }
 
-    /// Which of the things at `center` that reach `reach` to both sides and along can shadow a packet.
+    /// Of one packet.
     #[inline(always)]
-    fn meets<S: Simd, V: SimdFloat<S, Element = f32>>(
-        &self,
-        simd: S,
-        packet: usize,
-        center: &Lanes3<V>,
-        reach: &Lanes3<V>,
-    ) -> u32 {
-        let off_x = (center.x - V::simd_from(simd, self.middle[0][packet])).abs();
-        let off_y = (center.y - V::simd_from(simd, self.middle[1][packet])).abs();
-        let meets = off_x.simd_le(reach.x + V::simd_from(simd, self.half[0][packet]))
-            & off_y.simd_le(reach.y + V::simd_from(simd, self.half[1][packet]))
-            & (center.z + reach.z).simd_ge(V::simd_from(simd, self.first[packet]));
-        meets.to_bitmask() as u32
+    fn of_packet(&self, packet: usize) -> Span {
+        Span {
+            middle: [self.middle[0][packet], self.middle[1][packet]],
+            half: [self.half[0][packet], self.half[1][packet]],
+            first: self.first[packet],
+        }
     }
 }
 
@@ -164,7 +143,7 @@ pub(super) fn shadow<S: Simd>(
     stack.push(Entry { depth: 0.0, place: root, packets });
     while let Some(entry) = stack.pop() {
         if entry.place.level > 0 {
-            push_children(simd, bvh, &entry, light, &points, &spans, lit, stack);
+            push_children(simd, bvh, &entry, light, points, &spans, lit, stack);
         } else {
             shadow_of_leaf(simd, bvh, &entry, light, points, &mut spans, lit, counts);
         }
@@ -179,7 +158,7 @@ fn push_children<S: Simd>(
     bvh: &Bvh,
     entry: &Entry,
     light: &Light,
-    points: &Points,
+    points: Points,
     spans: &Spans,
     lit: &[u16; PACKETS],
     stack: &mut Vec<Entry>,
@@ -198,12 +177,13 @@ fn push_children<S: Simd>(
         while left != 0 {
             let packet = left.trailing_zeros() as usize;
             left &= left - 1;
-            let mut kept = spans.meets(simd, packet, &center, &reach) & shown;
+            let mut kept = spans.of_packet(packet).meets(simd, &center, &reach) & shown;
+            let at = Lanes3::load(simd, &points.at[packet]);
             while kept != 0 {
                 let child = kept.trailing_zeros() as usize;
                 kept &= kept - 1;
                 let (place, reach) = ([x[child], y[child]], [reach_x[child], reach_y[child]]);
-                let under = points.under(simd, packet, place, reach, tops[child]) & lit[packet];
+                let under = under(simd, &at, place, reach, tops[child]) & u32::from(lit[packet]);
                 packets_of[child] |= u64::from(under != 0) << packet;
             }
         }
@@ -259,7 +239,7 @@ fn shadow_of_leaf<S: Simd>(
         if lit[packet] == 0 {
             continue;
         }
-        let mut kept = spans.meets(simd, packet, &center, &reach) & shown;
+        let mut kept = spans.of_packet(packet).meets(simd, &center, &reach) & shown;
         if kept == 0 {
             continue;
         }

@@ -402,7 +402,7 @@ fn find_hits<S: Simd>(
             let tile_px = pass.tile_px();
             let number = inside[1] / tile_px * (FILM_EDGE / tile_px) + inside[0] / tile_px;
             let mut memory = scratch.memories.get_mut(number);
-            if let Some(memory) = memory.as_deref().filter(|_| !scratch.is_new) {
+            if let Some(memory) = memory.as_deref() {
                 scratch.counts.remembered_leaves += memory.leaves.len() as u64;
             }
             tiles::walk(simd, bvh, &pass.view, &beam, tile, &mut scratch.stack, memory.as_deref_mut());

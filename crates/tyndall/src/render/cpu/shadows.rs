@@ -20,10 +20,10 @@ pub(super) struct Points<'a> {
 }
 
 /// What the lit points span: a rectangle across the direction, and the depth of the first of them along it.
-struct Span {
-    middle: [f32; 2],
-    half: [f32; 2],
-    first: f32,
+pub(super) struct Span {
+    pub(super) middle: [f32; 2],
+    pub(super) half: [f32; 2],
+    pub(super) first: f32,
 }
 
 impl Span {
@@ -48,7 +48,7 @@ impl Span {
 
     /// Which of the things at `center` that reach `reach` to both sides can shadow one of the points.
     #[inline(always)]
-    fn meets<S: Simd, V: SimdFloat<S, Element = f32>>(
+    pub(super) fn meets<S: Simd, V: SimdFloat<S, Element = f32>>(
         &self,
         simd: S,
         center: &Lanes3<V>,
@@ -184,19 +184,32 @@ fn push_children<S: Simd>(
     while kept != 0 {
         let child = kept.trailing_zeros() as usize;
         kept &= kept - 1;
-        // Which of the points lie behind this child.
-        let off_x = (projected.x - f32x16::splat(simd, x[child])).abs();
-        let off_y = (projected.y - f32x16::splat(simd, y[child])).abs();
-        let under = off_x.simd_le(f32x16::splat(simd, reach_x[child]))
-            & off_y.simd_le(f32x16::splat(simd, reach_y[child]))
-            & projected.z.simd_le(f32x16::splat(simd, z[child] + reach_z[child]));
-        let lanes = under.to_bitmask() as u32 & lanes;
+        let (middle, reach) = ([x[child], y[child]], [reach_x[child], reach_y[child]]);
+        let lanes = under(simd, projected, middle, reach, z[child] + reach_z[child]) & lanes;
         if lanes == 0 {
             continue;
         }
         let entry = Entry { distance: z[child].abs(), place: bvh.child(place, child), lanes };
         push_sorted(stack, first, entry, |entry| entry.distance);
     }
+}
+
+/// Which points, in coordinates across, across and along, something at (x, y) that reaches so far to both sides, and up to `top`, can
+/// shadow.
+#[inline(always)]
+pub(super) fn under<S: Simd>(
+    simd: S,
+    points: &Lanes3<f32x16<S>>,
+    [x, y]: [f32; 2],
+    reach: [f32; 2],
+    top: f32,
+) -> u32 {
+    let off_x = (points.x - f32x16::splat(simd, x)).abs();
+    let off_y = (points.y - f32x16::splat(simd, y)).abs();
+    let under = off_x.simd_le(f32x16::splat(simd, reach[0]))
+        & off_y.simd_le(f32x16::splat(simd, reach[1]))
+        & points.z.simd_le(f32x16::splat(simd, top));
+    under.to_bitmask() as u32
 }
 
 /// Which of the points in the mask `lanes` lie in the shadow of a particle of the leaf.

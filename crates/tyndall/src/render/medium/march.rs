@@ -15,7 +15,7 @@ use rayon::prelude::*;
 use super::brute::BruteForce;
 use super::cache::{Cache, Lit};
 use super::lit::{LitBricks, Spectrum};
-use super::packet::{self, Paths};
+use super::packet::{self, Gathered, Paths};
 use super::space::Space;
 use super::walk::Path;
 use crate::error::{Error, Result};
@@ -267,26 +267,32 @@ impl<'a> March<'a> {
         let extinction = Vec3::from(self.medium.optics().extinction) * self.step();
         match lit {
             Lit::Grey(bricks, hue) => {
-                let found =
-                    packet::march::<_, _, 1, 2>(simd, &paths, bricks, self.step(), [extinction[hue.channel]]);
-                for (lane, sums) in sums.iter_mut().enumerate() {
-                    sums.scattered += found.scattered[0][lane] * hue.color;
-                    sums.depth += found.depth[lane];
-                    sums.lost += found.lost[lane];
-                    self.add_behind(directions[lane], Vec3::splat(found.transmittance[0][lane]), sums);
-                }
+                let extinction = [extinction[hue.channel]];
+                let found = packet::march::<_, _, 1, 2>(simd, &paths, bricks, self.step(), extinction);
+                self.add_packet(&found, hue.color, &directions, sums);
             }
             Lit::Colored(bricks) => {
-                let found =
-                    packet::march::<_, _, 3, 4>(simd, &paths, bricks, self.step(), extinction.to_array());
-                for (lane, sums) in sums.iter_mut().enumerate() {
-                    let rgb = |channels: &[[f32; packet::RAYS]; 3]| Vec3::from(channels.map(|it| it[lane]));
-                    sums.scattered += rgb(&found.scattered);
-                    sums.depth += found.depth[lane];
-                    sums.lost += found.lost[lane];
-                    self.add_behind(directions[lane], rgb(&found.transmittance), sums);
-                }
+                let extinction = extinction.to_array();
+                let found = packet::march::<_, _, 3, 4>(simd, &paths, bricks, self.step(), extinction);
+                self.add_packet(&found, Vec3::ONE, &directions, sums);
             }
+        }
+    }
+
+    /// Adds what a packet gathered, light in units of `color`, and what comes through.
+    #[inline(always)]
+    fn add_packet<const C: usize>(
+        &self,
+        found: &Gathered<C>,
+        color: Vec3,
+        directions: &[Vec3],
+        sums: &mut [Sums],
+    ) {
+        for (lane, (sums, &direction)) in sums.iter_mut().zip(directions).enumerate() {
+            sums.scattered += packet::rgb(&found.scattered, lane) * color;
+            sums.depth += found.depth[lane];
+            sums.lost += found.lost[lane];
+            self.add_behind(direction, packet::rgb(&found.transmittance, lane), sums);
         }
     }
 

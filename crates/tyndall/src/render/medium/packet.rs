@@ -6,6 +6,7 @@
 
 use fearless_simd::{f32x16, prelude::*};
 use fearless_simd_macros::simd;
+use glam::Vec3;
 
 use super::lit::{LitBricks, Spectrum};
 use super::march::DARK;
@@ -53,6 +54,12 @@ pub(super) struct Gathered<const C: usize> {
     pub(super) scattered: [[f32; RAYS]; C],
     pub(super) depth: [f32; RAYS],
     pub(super) lost: [f32; RAYS],
+}
+
+/// What a ray has in each channel; one color stands for all three.
+#[inline(always)]
+pub(super) fn rgb<const C: usize>(colors: &[[f32; RAYS]; C], lane: usize) -> Vec3 {
+    Vec3::new(colors[0][lane], colors[C / 2][lane], colors[C - 1][lane])
 }
 
 /// Density and light at the eight corners of sixteen cells: by y and z of the row, side along x, and value.

@@ -72,8 +72,7 @@ fn walk<S: Simd, O: Observer>(simd: S, bvh: &Bvh, search: &mut Search<O>) {
         if place.level == 0 {
             let leaf = place.index as usize;
             search.visit(0, LEAF as u64);
-            let (t, met) = search.enter(simd, bvh.centers(simd, leaf), bvh.radii(simd, leaf));
-            let mut met = met;
+            let (t, mut met) = search.enter(simd, bvh.centers(simd, leaf), bvh.radii(simd, leaf));
             while met != 0 {
                 let lane = met.trailing_zeros() as usize;
                 met &= met - 1;

@@ -113,8 +113,8 @@ fn summed<S: Simd>(simd: S, planes: &Planes, row: isize, density: &[f32]) -> Row
     let before = if planes.slopes[0] > 0.0 { beside } else { 0 };
     let mut sums = vec![0.0_f32; lanes + beside + 2];
     let mut last = sums.clone();
-    let is_over = |plane: &usize| (-1..rows as isize).contains(&(row + planes.moved(*plane, 1).0));
-    let over = (0..count).filter(is_over).count();
+    let is_over = |at: isize| (-1..rows as isize).contains(&at);
+    let over = (0..count).filter(|&plane| is_over(row + planes.moved(plane, 1).0)).count();
     let mut found = Row { first: 0, sums: Vec::with_capacity(over * (lanes + 2)) };
     for plane in 0..count {
         let ((moved, lane_share), (down, row_share)) = (planes.moved(plane, 0), planes.moved(plane, 1));
@@ -134,7 +134,7 @@ fn summed<S: Simd>(simd: S, planes: &Planes, row: isize, density: &[f32]) -> Row
                 &mut last[inner],
             );
         }
-        if is_over(&plane) {
+        if is_over(at) {
             if found.sums.is_empty() {
                 found.first = plane;
             }
