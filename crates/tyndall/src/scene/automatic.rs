@@ -198,15 +198,13 @@ pub enum Outliers {
 
 /// The box between the 0.1 and the 99.9 percentile of each coordinate.
 fn percentile_box(particles: &Particles) -> Bounds {
-    let columns = particles.positions().offsets();
-    let mut bounds = Bounds { min: Vec3::ZERO, max: Vec3::ZERO };
-    for (axis, column) in columns.into_iter().enumerate() {
+    let ends = particles.positions().offsets().into_par_iter().map(|column| {
         let mut values: Vec<f64> = sampled_ids(column.len(), SAMPLES).map(|id| column[id] as f64).collect();
-        if let Some([low, high]) = quantiles(&mut values, [TAIL, 1.0 - TAIL]) {
-            (bounds.min[axis], bounds.max[axis]) = (low as f32, high as f32);
-        }
-    }
-    bounds
+        quantiles(&mut values, [TAIL, 1.0 - TAIL]).unwrap_or_default().map(|end| end as f32)
+    });
+    let ends: Vec<[f32; 2]> = ends.collect();
+    let corner = |end: usize| Vec3::from_array(std::array::from_fn(|axis| ends[axis][end]));
+    Bounds { min: corner(0), max: corner(1) }
 }
 
 /// The box around the cell, as offsets from the positions' origin.
