@@ -24,7 +24,7 @@ const CELLS: usize = 16;
 
 /// Packets as they lie in the picture are left so where their rectangles would not fill that of all more often than this: sorting costs
 /// less than packets whose points lie apart, but on closed surfaces it is in vain.
-const MOST_OVERLAP: f32 = 2.5;
+const MOST_OVERLAP: f32 = 2.0;
 
 /// The surfaces that face a light, and what is needed to find out which of them see it.
 pub(super) struct Lit {
