@@ -25,15 +25,18 @@ enum Case {
         kind: Kind,
         look: Look,
         samples: u32,
+        culling: Culling,
     },
     /// Single rays that share nothing.
     Rays,
 }
 
 /// What is done with the particles of each law.
-fn cases() -> [(&'static str, Case); 9] {
+fn cases() -> [(&'static str, Case); 10] {
     let pkd = Kind::Pkd(pkd::Options::default());
-    let picture = |kind, look, samples| Case::Picture { kind, look, samples };
+    let picture = |kind, look, samples| Case::Picture { kind, look, samples, culling: Culling::Off };
+    let certified =
+        Case::Picture { kind: Kind::default(), look: Look::Studio, samples: 16, culling: Culling::default() };
     [
         ("build", Case::Build(Kind::default())),
         ("headlight_1", picture(Kind::default(), Look::Headlight, 1)),
@@ -41,6 +44,7 @@ fn cases() -> [(&'static str, Case); 9] {
         ("headlight_16_of_16_bits", picture(Kind::Bvh(Packing::Bits16), Look::Headlight, 16)),
         ("headlight_16_of_11_bits", picture(Kind::Bvh(Packing::Bits11), Look::Headlight, 16)),
         ("default_look_16", picture(Kind::default(), Look::Studio, 16)),
+        ("default_look_16_certified", certified),
         ("incoherent_rays", Case::Rays),
         ("pkd_build", Case::Build(pkd)),
         ("pkd_headlight_1", picture(pkd, Look::Headlight, 1)),
@@ -68,8 +72,8 @@ fn perform(law: &str, case: Case) {
     let particles = synthetic::generate(&format!("{law}?n=1e5&seed=1"), &()).expect("a known law");
     match case {
         Case::Build(kind) => measured(|| drop(black_box(cube::arranged(particles, kind)))),
-        Case::Picture { kind, look, samples } => {
-            let settings = Settings { width: EDGE, height: EDGE, samples, seed: 1, culling: Culling::Off };
+        Case::Picture { kind, look, samples, culling } => {
+            let settings = Settings { width: EDGE, height: EDGE, samples, seed: 1, culling };
             for projection in [ORTHOGRAPHIC, PERSPECTIVE] {
                 let camera = cube::camera(projection);
                 let scene = cube::scene(cube::arranged(particles.clone(), kind), &camera, look);
