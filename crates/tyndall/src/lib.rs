@@ -32,6 +32,7 @@ pub mod error;
 pub mod film;
 pub mod math;
 pub mod medium;
+mod pages;
 pub mod particles;
 pub mod progress;
 pub mod random;

@@ -234,6 +234,15 @@ impl Grid {
         self.corner([i, j, k])[0]
     }
 
+    /// The samples (0.., j, k) from the first on. Panics beyond the lattice.
+    pub(crate) fn row(&self, [j, k]: [u32; 2], row: &mut [f32]) {
+        let inside = ((k % BRICK) as usize * EDGE + (j % BRICK) as usize) * EDGE;
+        let first = self.brick_number([0, j / BRICK, k / BRICK]);
+        for (samples, &place) in row.chunks_mut(BRICK as usize).zip(&self.places[first..]) {
+            samples.copy_from_slice(&self.stored[place as usize][inside..inside + samples.len()]);
+        }
+    }
+
     /// The field at a point: trilinear, 0 outside the box.
     #[inline]
     pub fn density(&self, at: Vec3) -> f32 {

@@ -7,7 +7,6 @@
 mod build;
 pub mod bvh;
 mod heap;
-mod pages;
 pub mod pkd;
 mod search;
 pub mod selection;

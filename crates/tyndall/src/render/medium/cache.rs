@@ -13,7 +13,7 @@ use std::borrow::Cow;
 use glam::Vec3;
 
 use self::builder::Builder;
-use super::field::{cell, trilinear};
+use super::field::{cell, trilinear, trilinear_row};
 use super::gather::Radius;
 use super::harmonics::{self, count};
 use super::lit::{Lights, LitBricks, Spectrum};
@@ -271,19 +271,54 @@ struct Seen<'a> {
 impl<L: Spectrum> Lights<L> for Seen<'_> {
     #[inline(always)]
     fn row(&self, first: [u32; 3], row: &mut [L; EDGE]) {
-        let Cache { albedo, phase, channels, .. } = *self.cache;
+        let Cache { albedo, phase, channels, order, .. } = *self.cache;
+        let Lattice { spacing, .. } = self.lattice;
+        let start = self.lattice.position(first);
+        // Loops, not maps: what is done in closures of arrays leaves the instruction set.
+        let (mut at, mut directions) = ([Vec3::ZERO; EDGE], [Vec3::Z; EDGE]);
+        for place in 0..EDGE {
+            at[place] = self.lattice.position([first[0] + place as u32, first[1], first[2]]);
+            // What is the same from everywhere may be seen from anywhere.
+            if let Some(view) = self.view {
+                directions[place] = view.toward(at[place]);
+            }
+        }
+
+        let mut sums = [Vec3::ZERO; EDGE];
+        match channels {
+            Channels::One(_, color) if order == 0 => {
+                let [weight, ..] = harmonics::evaluate(Vec3::Z);
+                let smooth = trilinear_row::<EDGE>(&self.cache.lattice, &self.cache.smooth, start, spacing);
+                for (sum, smooth) in sums.iter_mut().zip(smooth) {
+                    *sum = weight * smooth * color;
+                }
+            }
+            _ => {
+                for place in 0..EDGE {
+                    let weights = harmonics::scattered(-directions[place], phase.g());
+                    sums[place] = self.cache.smooth(at[place], &weights);
+                }
+            }
+        }
+        for far in &self.cache.far {
+            if far.channels == 1 {
+                let arrival = far.light.toward(start, [0.5; 2]);
+                let transmittance = trilinear_row::<EDGE>(&far.lattice, &far.transmittance, start, spacing);
+                for place in 0..EDGE {
+                    let share = phase.evaluate(arrival.toward.dot(directions[place])) * transmittance[place];
+                    sums[place] += share * arrival.light;
+                }
+            } else {
+                for place in 0..EDGE {
+                    sums[place] += far.scattered(at[place], phase, directions[place]);
+                }
+            }
+        }
         let channel = match channels {
             Channels::One(channel, _) => channel,
             Channels::Three => 0,
         };
-        for (place, light) in row.iter_mut().enumerate() {
-            let at = self.lattice.position([first[0] + place as u32, first[1], first[2]]);
-            // What is the same from everywhere may be seen from anywhere.
-            let direction = self.view.map_or(Vec3::Z, |view| view.toward(at));
-            let mut sum = self.cache.smooth(at, &harmonics::scattered(-direction, phase.g()));
-            for far in &self.cache.far {
-                sum += far.scattered(at, phase, direction);
-            }
+        for (light, sum) in row.iter_mut().zip(sums) {
             *light = L::of(albedo * sum, channel);
         }
     }

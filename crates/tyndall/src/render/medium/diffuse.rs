@@ -12,6 +12,7 @@ use super::harmonics::{ORDER, count};
 use super::sweep::{Ordinate, Sweeper};
 use crate::error::{Error, Result};
 use crate::medium::grid::Lattice;
+use crate::pages;
 use crate::progress::Progress;
 
 /// One channel of a medium.
@@ -82,7 +83,7 @@ pub(super) fn solve(
 
 /// Coefficients of the radiance of the sky alone, before any scattering.
 pub(super) fn sky(channel: Channel, density: &Field, ordinates: &[Ordinate]) -> Vec<Field> {
-    let dark = vec![vec![0.0; density.values.len()]; count(channel.order)];
+    let dark: Radiance = (0..count(channel.order)).map(|_| pages::zeros(density.values.len())).collect();
     if ordinates.iter().all(|ordinate| ordinate.inflow == 0.0) {
         return fields(density.lattice, dark);
     }

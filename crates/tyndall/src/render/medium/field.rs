@@ -8,6 +8,7 @@ use rayon::prelude::*;
 
 use crate::medium::Grid;
 use crate::medium::grid::Lattice;
+use crate::pages;
 
 /// Samples of a field beyond those of the grid, on each side.
 pub(super) const PADDING: u32 = 2;
@@ -32,11 +33,7 @@ pub(super) struct Field {
 impl Field {
     /// The density of `grid`, on a lattice made by [`lattice_over`].
     pub(super) fn density(grid: &Grid, lattice: Lattice) -> Self {
-        let row = |j: u32, k: u32, row: &mut [f32]| {
-            for (i, value) in row.iter_mut().enumerate() {
-                *value = grid.value(i as u32, j, k);
-            }
-        };
+        let row = |j: u32, k: u32, row: &mut [f32]| grid.row([j, k], row);
         if lattice.spacing < 0.999 * grid.spacing() {
             // Tents narrower than the grid's cells would leave gaps.
             return resample(grid.lattice(), lattice_over(grid, grid.spacing()), row).interpolated(lattice);
@@ -62,7 +59,7 @@ impl Field {
         let [x, y, z] = [0, 1, 2].map(|axis| cells(&self.lattice, &lattice, axis));
         let [width, height, _] = self.lattice.size.map(|it| it as usize);
         let row = |[y, z]: [usize; 2]| &self.values[(z * height + y) * width..][..width];
-        let mut values = vec![0.0; lattice.sample_count() as usize];
+        let mut values = pages::zeros(lattice.sample_count() as usize);
         let rows = values.par_chunks_exact_mut(x.len()).enumerate();
         // A row between four is found first, then the samples along it.
         rows.for_each_init(
@@ -103,6 +100,44 @@ pub(super) fn trilinear(lattice: &Lattice, values: &[f32], at: Vec3) -> f32 {
     let plane = |at: usize| mix(row(at), row(at + y), fraction.y);
     mix(plane(0), plane(z), fraction.z)
 }
+
+/// A field at `start` and at points each `step` further along x: as [`trilinear`] finds it, but for rounding.
+#[inline(always)]
+pub(super) fn trilinear_row<const N: usize>(
+    lattice: &Lattice,
+    values: &[f32],
+    start: Vec3,
+    step: f32,
+) -> [f32; N] {
+    let (first, [x, y, z], fraction) = cell(lattice, start);
+    let width = lattice.size[0] as usize;
+    let row = first - first % width;
+    let [a, b, c, d] = [0, y, z, z + y].map(|corner| &values[row + corner..][..width]);
+    let mix = |a: f32, b: f32, t: f32| a + t * (b - a);
+    // Between the four rows first, as far as the points reach, then along them.
+    let mut mixed = [0.0; SPAN];
+    let mut span = 0..0;
+    let mut found = [0.0; N];
+    for (number, value) in found.iter_mut().enumerate() {
+        let place = (start.x + number as f32 * step - lattice.origin.x) / lattice.spacing;
+        let place = place.clamp(0.0, (width - 1) as f32);
+        let at = (place as usize).min(width.saturating_sub(2));
+        if !span.contains(&(at + x)) {
+            span = at..(at + SPAN).min(width);
+            let rows =
+                a[span.clone()].iter().zip(&b[span.clone()]).zip(&c[span.clone()]).zip(&d[span.clone()]);
+            for (mixed, (((a, b), c), d)) in mixed.iter_mut().zip(rows) {
+                *mixed = mix(mix(*a, *b, fraction.y), mix(*c, *d, fraction.y), fraction.z);
+            }
+        }
+        let at = at - span.start;
+        *value = mix(mixed[at], mixed[at + x], place - (at + span.start) as f32);
+    }
+    found
+}
+
+/// Samples of a row that are mixed at a time.
+const SPAN: usize = 16;
 
 /// Sample number `place` of a lattice.
 #[inline(always)]
@@ -156,9 +191,16 @@ struct Tents {
 impl Tents {
     fn new(count: u32, from: (f32, f32), to: (f32, f32)) -> Self {
         let place = |sample: u32| (from.0 + sample as f32 * from.1 - to.0) / to.1;
-        let first = (0..count).map(|sample| place(sample).max(0.0).floor() as usize);
-        let share = (0..count).map(|sample| place(sample).max(0.0).fract());
-        Self { first: first.collect(), share: share.collect() }
+        // Samples that coincide but for rounding are not parted.
+        let (first, share) = (0..count)
+            .map(place)
+            .map(|at| {
+                let nearest = at.round();
+                let at = if (at - nearest).abs() < 1e-4 { nearest } else { at.max(0.0) };
+                (at.floor() as usize, at.fract())
+            })
+            .unzip();
+        Self { first, share }
     }
 }
 
@@ -171,7 +213,7 @@ fn resample(from: Lattice, to: Lattice, row: impl Fn(u32, u32, &mut [f32]) + Syn
     let (x, y, z) = (axis(0), axis(1), axis(2));
     let [width, height, _] = to.size.map(|it| it as usize);
     let scale = (from.spacing / to.spacing).powi(3);
-    let mut values = vec![0.0; to.sample_count() as usize];
+    let mut values = pages::zeros(to.sample_count() as usize);
     // Each plane of the result gathers the planes that reach it, so that no two threads write to one place.
     values.par_chunks_mut(width * height).enumerate().for_each(|(plane, values)| {
         let mut fine = vec![0.0; size[0] as usize];
@@ -244,6 +286,23 @@ mod tests {
             let coarsened = fine.coarsened(lattice);
             for (a, b) in coarsened.values.iter().zip(&field.values) {
                 assert!((a - b).abs() < 1e-4, "spacing {spacing}: {a} {b}");
+            }
+        }
+    }
+
+    #[test]
+    fn rows_are_points_one_after_the_other() {
+        for (size, step) in [([23, 18, 31], 0.3), ([40, 3, 4], 3.1), ([1, 5, 1], 0.2), ([2, 1, 1], 0.7)] {
+            let grid = random_grid(size);
+            let field = Field::density(&grid, lattice_over(&grid, 0.5));
+            let mut stream = Stream::new(13, 0);
+            for _ in 0..50 {
+                let start = field.lattice.bounds().center() + field.lattice.bounds().extent() * stream.cube();
+                let row: [f32; 9] = trilinear_row(&field.lattice, &field.values, start, step);
+                for (number, value) in row.into_iter().enumerate() {
+                    let point = field.value(start + Vec3::X * (number as f32 * step));
+                    assert!((value - point).abs() < 1e-4, "{size:?} {start} {number}: {value} {point}");
+                }
             }
         }
     }

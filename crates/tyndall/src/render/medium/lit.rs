@@ -14,6 +14,7 @@ use super::space::Space;
 use crate::math::exp_minus;
 use crate::medium::Grid;
 use crate::medium::grid::{BRICK, EDGE, STORED};
+use crate::pages;
 
 /// Light of one color, or of three.
 pub(super) trait Spectrum:
@@ -176,7 +177,7 @@ impl<L: Spectrum> LitBricks<L> {
         let space = Space::of(grid);
         let last = Vec3A::from(grid.size().map(|size| (size - 1) as f32));
         let filled = space.filled();
-        let mut samples = vec![L::Sample::default(); filled.len() * STORED];
+        let mut samples = pages::filled(filled.len() * STORED, L::Sample::default());
         let level = Level::new();
         samples.par_chunks_exact_mut(STORED).zip(&filled).for_each(|(samples, &brick)| {
             dispatch!(level, simd => fill(simd, grid, brick, lights, samples));

@@ -16,6 +16,7 @@ use rayon::prelude::*;
 use super::field::Field;
 use super::harmonics;
 use crate::medium::grid::Lattice;
+use crate::pages;
 
 /// Directions of one dominant axis are shared out to so many sums. Fixed, so that results do not depend on the threads.
 const GROUPS: usize = 3;
@@ -70,7 +71,8 @@ impl Sweeper {
                 let version = usize::from(axis == 0);
                 let order = self.order(axis);
                 let inputs = Inputs { extinction: &self.extinction[version], sources: sources[version] };
-                let mut sums = vec![vec![0.0; self.extinction[0].len()]; inputs.sources.len()];
+                let sum = |_: &Vec<f32>| pages::zeros(self.extinction[0].len());
+                let mut sums: Vec<Vec<f32>> = inputs.sources.iter().map(sum).collect();
                 for ordinate in group {
                     let pass = Pass::new(&order, &ordinate, self.lattice.spacing);
                     dispatch!(Level::new(), simd => carry(simd, &order, &pass, &inputs, &mut sums));
@@ -80,8 +82,7 @@ impl Sweeper {
             .collect();
         // Sums in the other order of samples are turned back once.
         let total = |coefficient: usize| {
-            let mut totals = [vec![0.0; self.extinction[0].len()], Vec::new()];
-            totals[1] = totals[0].clone();
+            let mut totals = [(); 2].map(|()| pages::zeros(self.extinction[0].len()));
             for (version, sums) in &sums {
                 totals[*version].iter_mut().zip(&sums[coefficient]).for_each(|(total, &sum)| *total += sum);
             }
@@ -117,7 +118,7 @@ fn groups(ordinates: &[Ordinate]) -> Vec<(usize, Vec<Ordinate>)> {
 /// Samples with y fastest, then z, then x, from samples with x fastest, then y, then z.
 pub(super) fn turned(lattice: &Lattice, values: &[f32]) -> Vec<f32> {
     let [x, y, z] = lattice.size.map(|it| it as usize);
-    let mut turned = vec![0.0; values.len()];
+    let mut turned = pages::zeros(values.len());
     for i in 0..x {
         for k in 0..z {
             let row = &mut turned[(i * z + k) * y..][..y];

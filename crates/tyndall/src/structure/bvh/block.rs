@@ -10,9 +10,9 @@ use rayon::prelude::*;
 
 use super::LEAF;
 use crate::math::Bounds;
+use crate::pages;
 use crate::simd::{Lanes3, floats_of_bytes, floats_of_words};
 use crate::structure::build::Record;
-use crate::structure::pages;
 
 /// How a block holds the centers of its particles.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

@@ -16,8 +16,8 @@ use glam::Vec3;
 use rayon::prelude::*;
 
 use super::build::Record;
-use super::pages;
 use crate::math::Bounds;
+use crate::pages;
 pub(super) use build::{place_in_order, reorder, sort};
 use shown::Shown;
 pub(super) use walk::{Stack, walk};

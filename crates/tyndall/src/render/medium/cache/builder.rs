@@ -16,6 +16,7 @@ use crate::error::{Error, Result};
 use crate::math::exp_minus;
 use crate::medium::grid::Lattice;
 use crate::medium::{Grid, Light, Medium};
+use crate::pages;
 use crate::progress::Progress;
 
 /// More samples than this are too many unless asked for: of the light of lights without extent, and of what is smooth.
@@ -105,14 +106,13 @@ impl<'a> Builder<'a> {
         let channels = if is_grey { &extinction[..1] } else { &extinction[..] };
         let sharp = self.parted.iter().filter_map(|light| Some((light, source(light)?)));
         let direct = |(light, source): (&Light, Source)| {
-            let thickness = columns::thickness(&self.density, source);
-            let of_sample =
-                |&thickness: &f32| channels.iter().map(move |extinction| exp_minus(extinction * thickness));
-            let transmittance = if channels.len() == 1 {
-                thickness.values.par_iter().map(|thickness| exp_minus(channels[0] * thickness)).collect()
+            let mut transmittance = columns::thickness(&self.density, source).values;
+            if let [extinction] = channels {
+                transmittance.par_iter_mut().for_each(|it| *it = exp_minus(extinction * *it));
             } else {
-                thickness.values.iter().flat_map(of_sample).collect()
-            };
+                let of_sample = |&it: &f32| channels.iter().map(move |extinction| exp_minus(extinction * it));
+                transmittance = transmittance.iter().flat_map(of_sample).collect();
+            }
             Direct {
                 light: light.clone(),
                 lattice: self.density.lattice,
@@ -175,7 +175,7 @@ impl<'a> Builder<'a> {
             let photons = photons::trace(self.medium, self.lights, &settings, self.progress)?;
             let map = PhotonMap::new(self.medium, &photons, radius)?;
             let gathered = map.columns(&self.lattices[0], &wanted, self.progress)?;
-            means.resize(gathered.len(), vec![0.0; self.lattices[0].sample_count() as usize]);
+            means.resize_with(gathered.len(), || pages::zeros(self.lattices[0].sample_count() as usize));
             let share = 1.0 / passes as f32;
             for (mean, gathered) in means.iter_mut().zip(gathered) {
                 mean.iter_mut().zip(gathered).for_each(|(mean, it)| *mean += share * it);
@@ -197,7 +197,8 @@ impl<'a> Builder<'a> {
 
     /// Coefficients of the light of lights without extent at the samples of a coarse lattice: means weighted by density.
     fn unscattered(&self, direct: &[Direct], channel: usize, lattice: Lattice) -> Vec<Vec<f32>> {
-        let mut coefficients = vec![vec![0.0; lattice.sample_count() as usize]; count(self.order)];
+        let samples = lattice.sample_count() as usize;
+        let mut coefficients: Vec<Vec<f32>> = (0..count(self.order)).map(|_| pages::zeros(samples)).collect();
         let weights = diffuse::weights(&self.density);
         let total = weights.coarsened(lattice);
         // Of a ball as large as a cell.
@@ -263,7 +264,7 @@ impl<'a> Builder<'a> {
         let columns: Vec<&[f32]> = (0..count(self.order))
             .flat_map(|number| fields.iter().map(move |of_channel| &of_channel[number].values[..]))
             .collect();
-        let mut smooth = vec![0.0; columns.len() * lattice.sample_count() as usize];
+        let mut smooth = pages::zeros(columns.len() * lattice.sample_count() as usize);
         smooth.par_chunks_exact_mut(columns.len()).enumerate().with_min_len(4096).for_each(
             |(place, values)| {
                 values.iter_mut().zip(&columns).for_each(|(value, column)| *value = column[place]);

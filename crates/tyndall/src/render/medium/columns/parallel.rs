@@ -11,6 +11,7 @@ use rayon::prelude::*;
 
 use super::super::field::Field;
 use super::super::sweep::{turned, turned_back};
+use crate::pages;
 
 /// Planes of samples across the light: lanes lie side by side in memory.
 struct Planes {
@@ -47,9 +48,9 @@ pub(super) fn thickness(density: &Field, along: Vec3) -> Field {
     let slopes = axes.map(|across| along[across] / along[axis].abs());
     let half_length = 0.5 * lattice.spacing / along[axis].abs();
     let planes = Planes { size, steps, slopes, backward: along[axis] < 0.0, half_length };
-    let mut values = vec![0.0; density.values.len()];
+    let mut values = pages::zeros(density.values.len());
     if axis == 0 {
-        let mut of_planes = values.clone();
+        let mut of_planes = pages::zeros(values.len());
         planes.thickness(&turned(&lattice, &density.values), &mut of_planes);
         turned_back(&lattice, &of_planes, &mut values);
     } else {

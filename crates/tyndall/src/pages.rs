@@ -1,4 +1,5 @@
-//! Large arrays on huge pages: a walk that misses the cache then misses the page table less often.
+//! Large arrays on huge pages: a walk that misses the cache then misses the page table less often, and the first touch of the memory
+//! costs little.
 //!
 //! Where the system has none, or gives none, the arrays are ordinary ones.
 
@@ -9,8 +10,25 @@ const LEAST_BYTES: usize = 8 << 20;
 #[cfg(target_os = "linux")]
 const PAGE_BYTES: usize = 2 << 20;
 
+use rayon::prelude::*;
+
+/// Threads write at least so many items each.
+const LEAST_ITEMS: usize = 1 << 16;
+
+/// `count` zeros.
+pub(crate) fn zeros(count: usize) -> Vec<f32> {
+    filled(count, 0.0)
+}
+
+/// `count` times the same, written to memory even if it is zero: a page that is read before it is written to is mapped twice.
+pub(crate) fn filled<T: Copy + Send + Sync>(count: usize, item: T) -> Vec<T> {
+    let mut array = with_capacity(count);
+    array.par_extend(rayon::iter::repeat_n(item, count).with_min_len(LEAST_ITEMS));
+    array
+}
+
 /// An empty array with room for `count` items.
-pub(super) fn with_capacity<T>(count: usize) -> Vec<T> {
+pub(crate) fn with_capacity<T>(count: usize) -> Vec<T> {
     let mut array = Vec::with_capacity(count);
     advise(&mut array);
     array
@@ -48,6 +66,7 @@ mod tests {
             let mut array = with_capacity(count);
             array.extend(0..count as u64);
             assert!(array.into_iter().eq(0..count as u64));
+            assert_eq!(zeros(count), vec![0.0; count]);
         }
     }
 }
