@@ -5,6 +5,8 @@
 //! out of them: the work is that of the rows that a ball meets, not of its samples, of which a wide one has thousands. Sums are
 //! whole numbers: what begins and ends cancels exactly, and neither threads nor the order of photons change a bit.
 
+use fearless_simd::{Level, Simd, dispatch, f32x16, prelude::*, u32x16};
+use fearless_simd_macros::simd;
 use glam::Vec3;
 use rayon::prelude::*;
 
@@ -41,40 +43,31 @@ pub(super) fn sums(
     let mut sorted: Vec<(Vec3, u32)> =
         photons.par_iter().enumerate().map(|(at, photon)| (place(photon), at as u32)).collect();
     sorted.par_sort_unstable_by(|a, b| a.0.z.total_cmp(&b.0.z).then(a.1.cmp(&b.1)));
+    let mut values = vec![0_i64; sorted.len() * number];
+    values.par_chunks_exact_mut(number).zip(&sorted).for_each(|(values, &(_, photon))| {
+        set_values(&photons[photon as usize], wanted, scale, values);
+    });
     let radius = radius / lattice.spacing;
+    let size = [width, height];
 
     progress.begin("gather", Some(depth as u64), "planes");
+    let level = Level::new();
     let plane = |z: usize| {
         if progress.cancelled() {
             return Vec::new();
         }
         let mut ends = vec![0_i64; (width + 1) * height * number];
         let z = z as f32;
-        let first = sorted.partition_point(|it| it.0.z < z - radius);
-        for &(at, photon) in &sorted[first..] {
-            let across_sq = radius * radius - (at.z - z) * (at.z - z);
-            if at.z > z + radius {
-                break;
-            }
-            let values = values(&photons[photon as usize], wanted, scale);
-            let across = across_sq.max(0.0).sqrt();
-            let rows = run(at.y, across, height);
-            for y in rows {
-                let offset = at.y - y as f32;
-                let row = run(at.x, (across_sq - offset * offset).max(0.0).sqrt(), width);
-                if row.is_empty() {
-                    continue;
-                }
-                let begin = (y * (width + 1) + row.start) * number;
-                let end = (y * (width + 1) + row.end) * number;
-                for (value, place) in values[..number].iter().zip(0..) {
-                    ends[begin + place] += value;
-                    ends[end + place] -= value;
-                }
-            }
+        let near = sorted.partition_point(|it| it.0.z < z - radius)
+            ..sorted.partition_point(|it| it.0.z <= z + radius);
+        for (&(at, _), values) in
+            sorted[near.clone()].iter().zip(values[near.start * number..].chunks_exact(number))
+        {
+            let across_sq = (radius * radius - (at.z - z) * (at.z - z)).max(0.0);
+            dispatch!(level, simd => add_disc(simd, at, across_sq, size, values, &mut ends));
         }
         progress.advance(1);
-        summed(&ends, [width, height], number, 1.0 / scale.max(f64::MIN_POSITIVE))
+        summed(&ends, size, number, 1.0 / scale.max(f64::MIN_POSITIVE))
     };
     let planes: Vec<Vec<f32>> = (0..depth).into_par_iter().map(plane).collect();
     if progress.cancelled() {
@@ -95,21 +88,51 @@ fn run(at: f32, reach: f32, count: usize) -> std::ops::Range<usize> {
     if first < end { first as usize..end as usize } else { 0..0 }
 }
 
-/// Most values of a photon.
-const MOST: usize = 3 * harmonics::COUNT;
-
 /// What a photon adds: its power times harmonics, as whole numbers.
-fn values(photon: &Photon, wanted: &Wanted, scale: f64) -> [i64; MOST] {
-    let mut values = [0; MOST];
+fn set_values(photon: &Photon, wanted: &Wanted, scale: f64, values: &mut [i64]) {
     let harmonics = harmonics::evaluate(photon.direction);
     let number = harmonics::count(wanted.order);
-    for (values, &channel) in values.chunks_mut(number).zip(wanted.channels) {
+    for (values, &channel) in values.chunks_exact_mut(number).zip(wanted.channels) {
         let power = scale * f64::from(photon.power[channel]);
         for (value, harmonic) in values.iter_mut().zip(harmonics) {
             *value = (power * f64::from(harmonic)) as i64;
         }
     }
-    values
+}
+
+/// Rows that are cut at once.
+const ROWS: usize = 16;
+
+/// Adds values to where the rows of a plane enter a disc, and subtracts them behind where they leave it.
+#[simd]
+fn add_disc<S: Simd>(
+    simd: S,
+    at: Vec3,
+    across_sq: f32,
+    [width, height]: [usize; 2],
+    values: &[i64],
+    ends: &mut [i64],
+) {
+    let number = |it: f32| f32x16::splat(simd, it);
+    let rows = run(at.y, across_sq.sqrt(), height);
+    for first_row in rows.clone().step_by(ROWS) {
+        let row = f32x16::load_array(simd, std::array::from_fn(|row| (first_row + row) as f32));
+        let offset = number(at.y) - row;
+        let reach = (number(across_sq) - offset * offset).max(number(0.0)).sqrt();
+        let first = (number(at.x) - reach).ceil().max(number(0.0));
+        let end = (number(at.x) + reach).floor().min(number((width - 1) as f32)) + number(1.0);
+        let is_run = first.simd_lt(end);
+        // Beyond the lattice nothing begins and ends: at one place.
+        let (first, end) = (is_run.select(first, number(0.0)), is_run.select(end, number(0.0)));
+        let [first, end] = [first, end].map(|it| it.to_int::<u32x16<S>>().to_array());
+        for (row, (&first, &end)) in (first_row..rows.end).zip(first.iter().zip(&end)) {
+            let [first, end] = [first, end].map(|place| (row * (width + 1) + place as usize) * values.len());
+            for (number, value) in values.iter().enumerate() {
+                ends[first + number] += value;
+                ends[end + number] -= value;
+            }
+        }
+    }
 }
 
 /// The sums along the rows of a plane: coefficient by coefficient.
