@@ -4,7 +4,7 @@
 //! sixteen finds their bricks, sends those in empty ones ahead, and looks up density and light for the others. Sixteen look-ups that do
 //! not wait for each other hide the time that memory takes.
 
-use fearless_simd::{f32x16, prelude::*};
+use fearless_simd::{f32x16, i32x16, prelude::*, u32x16};
 use fearless_simd_macros::simd;
 use glam::Vec3;
 
@@ -62,8 +62,10 @@ pub(super) fn rgb<const C: usize>(colors: &[[f32; RAYS]; C], lane: usize) -> Vec
     Vec3::new(colors[0][lane], colors[C / 2][lane], colors[C - 1][lane])
 }
 
-/// Density and light at the eight corners of sixteen cells: by y and z of the row, side along x, and value.
-type Corners<const V: usize> = [[[[f32; RAYS]; V]; 2]; 4];
+/// Density and light at the eight corners of sixteen cells: by y and z of the row, in fours as they lie in memory, each of all rays.
+/// Where light has one color, the first four are those of both sides along x; else there are four a side.
+type Corners = [[[[f32; FOUR]; RAYS]; 2]; 4];
+const FOUR: usize = 4;
 
 /// Marches along sixteen paths in steps of one length. `V` is one more than the `C` colors; `extinction` is that of a step.
 #[simd]
@@ -74,7 +76,7 @@ pub(super) fn march<S: Simd, L: Spectrum, const C: usize, const V: usize>(
     step: f32,
     extinction: [f32; C],
 ) -> Gathered<C> {
-    const { assert!(V == C + 1 && size_of::<L::Sample>() == V * size_of::<f32>()) };
+    const { assert!(V == C + 1 && 2 * V % FOUR == 0 && size_of::<L::Sample>() == V * size_of::<f32>()) };
     let zero = f32x16::splat(simd, 0.0);
     let (start, direction) = (Lanes3::load(simd, &paths.start), Lanes3::load(simd, &paths.direction));
     let inv_direction = Lanes3::load(simd, &paths.inv_direction);
@@ -82,7 +84,7 @@ pub(super) fn march<S: Simd, L: Spectrum, const C: usize, const V: usize>(
     let (enter, length) =
         (f32x16::load_array_ref(simd, &paths.enter), f32x16::load_array_ref(simd, &paths.length));
 
-    let mut corners: Corners<V> = [[[[0.0; RAYS]; V]; 2]; 4];
+    let mut corners: Corners = [[[[0.0; FOUR]; RAYS]; 2]; 4];
     let (mut transmittance, mut scattered) = ([f32x16::splat(simd, 1.0); C], [zero; C]);
     let (mut depth, mut lost_in_all) = (zero, zero);
     let mut number = zero;
@@ -122,8 +124,9 @@ pub(super) fn march<S: Simd, L: Spectrum, const C: usize, const V: usize>(
         // Exact in floats.
         let at =
             at.x + at.y * f32x16::splat(simd, EDGE as f32) + at.z * f32x16::splat(simd, (EDGE * EDGE) as f32);
-        collect(bricks, &number_of, &at.to_array(), left, &mut corners);
-        let values = interpolate(simd, &corners, fraction);
+        let at = at.to_int::<u32x16<S>>().to_array();
+        collect::<L, V>(bricks, &number_of, &at, left, &mut corners);
+        let values: [_; V] = interpolate(simd, &corners, fraction);
 
         let density = values[0];
         let holds = filled & density.simd_gt(zero);
@@ -162,18 +165,17 @@ impl Space {
     #[inline(always)]
     fn entries<S: Simd>(&self, simd: S, brick: Lanes3<f32x16<S>>) -> ([i32; RAYS], f32x16<S>) {
         let margin = self.margin as f32;
-        let x = within(simd, brick.x, margin, self.last.x).to_array();
-        let y = within(simd, brick.y, margin, self.last.y).to_array();
-        let z = within(simd, brick.z, margin, self.last.z).to_array();
-        let [width, height, _] = self.size;
+        let whole = |it: f32x16<S>| it.to_int::<u32x16<S>>();
+        let x = whole(within(simd, brick.x, margin, self.last.x));
+        let y = whole(within(simd, brick.y, margin, self.last.y));
+        let z = whole(within(simd, brick.z, margin, self.last.z));
+        let [width, height, _] = self.size.map(|it| u32x16::splat(simd, it as u32));
+        let places = ((z * height + y) * width + x).to_array();
         let mut numbers = [0; RAYS];
-        let mut floats = [0.0; RAYS];
         for lane in 0..RAYS {
-            let place = (z[lane] as usize * height + y[lane] as usize) * width + x[lane] as usize;
-            numbers[lane] = self.entries[place];
-            floats[lane] = numbers[lane] as f32;
+            numbers[lane] = self.entries[places[lane] as usize];
         }
-        (numbers, f32x16::load_array(simd, floats))
+        (numbers, i32x16::load_array(simd, numbers).to_float())
     }
 }
 
@@ -221,9 +223,9 @@ fn floor<S: Simd>(at: Lanes3<f32x16<S>>) -> Lanes3<f32x16<S>> {
 fn collect<L: Spectrum, const V: usize>(
     bricks: &LitBricks<L>,
     numbers: &[i32; RAYS],
-    at: &[f32; RAYS],
+    at: &[u32; RAYS],
     mut left: u32,
-    corners: &mut Corners<V>,
+    corners: &mut Corners,
 ) {
     let samples: &[f32] = bytemuck::cast_slice(&bricks.samples);
     while left != 0 {
@@ -232,11 +234,8 @@ fn collect<L: Spectrum, const V: usize>(
         let first = (numbers[lane] as usize * STORED + at[lane] as usize) * V;
         let cell = &samples[first..first + (EDGE * EDGE + EDGE + 2) * V];
         for (row, from) in [0, EDGE, EDGE * EDGE, EDGE * EDGE + EDGE].into_iter().enumerate() {
-            let from = &cell[from * V..][..2 * V];
-            for side in 0..2 {
-                for value in 0..V {
-                    corners[row][side][value][lane] = from[side * V + value];
-                }
+            for (fours, from) in corners[row].iter_mut().zip(cell[from * V..][..2 * V].chunks_exact(FOUR)) {
+                fours[lane].copy_from_slice(from);
             }
         }
     }
@@ -246,24 +245,47 @@ fn collect<L: Spectrum, const V: usize>(
 #[inline(always)]
 fn interpolate<S: Simd, const V: usize>(
     simd: S,
-    corners: &Corners<V>,
+    corners: &Corners,
     fraction: Lanes3<f32x16<S>>,
 ) -> [f32x16<S>; V] {
     let mut values = [f32x16::splat(simd, 0.0); V];
-    for value in 0..V {
-        let mut rows = [[f32x16::splat(simd, 0.0); 2]; 2];
-        for row in 0..2 {
-            for side in 0..2 {
-                let low = f32x16::load_array_ref(simd, &corners[row][side][value]);
-                let high = f32x16::load_array_ref(simd, &corners[row + 2][side][value]);
-                rows[row][side] = low + fraction.z * (high - low);
-            }
+    for four in 0..2 * V / FOUR {
+        let mut mixed = [f32x16::splat(simd, 0.0); FOUR];
+        let [a, b] = [turned(simd, &corners[0][four]), turned(simd, &corners[1][four])];
+        let [c, d] = [turned(simd, &corners[2][four]), turned(simd, &corners[3][four])];
+        for place in 0..FOUR {
+            let (low, high) = (
+                a[place] + fraction.z * (c[place] - a[place]),
+                b[place] + fraction.z * (d[place] - b[place]),
+            );
+            mixed[place] = low + fraction.y * (high - low);
         }
-        let [[low, high], [low_y, high_y]] = rows;
-        let (low, high) = (low + fraction.y * (low_y - low), high + fraction.y * (high_y - high));
-        values[value] = low + fraction.x * (high - low);
+        for (place, mixed) in mixed.into_iter().enumerate() {
+            let (side, value) = ((four * FOUR + place) / V, (four * FOUR + place) % V);
+            values[value] = match side {
+                0 => mixed,
+                _ => values[value] + fraction.x * (mixed - values[value]),
+            };
+        }
     }
     values
+}
+
+/// The first of each four, the second, and so on.
+#[inline(always)]
+fn turned<S: Simd>(simd: S, fours: &[[f32; FOUR]; RAYS]) -> [f32x16<S>; FOUR] {
+    let flat = fours.as_flattened();
+    let [a, b, c, d] = [
+        f32x16::from_slice(simd, &flat[..RAYS]),
+        f32x16::from_slice(simd, &flat[RAYS..2 * RAYS]),
+        f32x16::from_slice(simd, &flat[2 * RAYS..3 * RAYS]),
+        f32x16::from_slice(simd, &flat[3 * RAYS..]),
+    ];
+    let (even_low, odd_low) = a.deinterleave(b);
+    let (even_high, odd_high) = c.deinterleave(d);
+    let (first, third) = even_low.deinterleave(even_high);
+    let (second, fourth) = odd_low.deinterleave(odd_high);
+    [first, second, third, fourth]
 }
 
 /// [`exp_minus`] of sixteen numbers.
