@@ -2,6 +2,7 @@
 
 use tyndall::Error;
 use tyndall::render::estimate::Work;
+use tyndall::structure::{Kind, Packing};
 
 use crate::medium::estimate;
 use crate::report::{Outcome, Report, bytes, seconds};
@@ -13,10 +14,23 @@ pub(crate) fn check_memory(work: &Work, needed_bytes: u64, limit: Option<u64>) -
             what: format!("the work on {} particles", tyndall::scene::grouped(work.particles as usize)),
             needed_bytes,
             available_bytes,
-            hint: "try --pack 16, fewer particles, a smaller --size, or a machine with more memory".into(),
+            hint: format!(
+                "try {}fewer particles, a smaller --size, or a machine with more memory",
+                smaller(work.structure)
+            ),
         }
         .into()),
         _ => Ok(()),
+    }
+}
+
+/// What would make the structure smaller, if anything.
+fn smaller(structure: Kind) -> &'static str {
+    match structure {
+        Kind::Bvh(Packing::Exact) => "--pack 16, ",
+        Kind::Bvh(Packing::Bits16 | Packing::Bits11) => "--pack 8, ",
+        Kind::Bvh(Packing::Bits8) => "",
+        _ => "--structure bvh --pack 16, ",
     }
 }
 

@@ -142,6 +142,11 @@ fn more_than_the_memory_is_refused_before_the_work() {
         let ran = folder.render(&format!("synthetic:uniform?n=4e9 -o a.png {more}"));
         ran.fails(4, &["error[E-memory]", "4,000,000,000 particles needs", "GiB", "are available — "]);
     }
+    for (more, hint) in [("", "try --pack 16, "), ("--pack 16", "try --pack 8, "), ("--pack 8", "try fewer ")]
+    {
+        let ran = folder.render(&format!("synthetic:uniform?n=1e5 -o a.png --memory 1M {more}"));
+        ran.fails(4, &["error[E-memory]", hint]);
+    }
     folder.line("info synthetic:uniform?n=4e9").fails(4, &["error[E-memory]"]);
     folder.line("bench --n 3.9e9 -q").fails(4, &["error[E-memory]"]);
     folder.render("synthetic:uniform?n=1e12 -o a.png --dry-run").fails(2, &["n cannot be '1000000000000'"]);
