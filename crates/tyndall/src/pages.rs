@@ -3,14 +3,14 @@
 //!
 //! Where the system has none, or gives none, the arrays are ordinary ones.
 
+use rayon::prelude::*;
+
 /// Arrays below this size stay on ordinary pages.
 #[cfg(target_os = "linux")]
 const LEAST_BYTES: usize = 8 << 20;
 /// The size of a huge page.
 #[cfg(target_os = "linux")]
 const PAGE_BYTES: usize = 2 << 20;
-
-use rayon::prelude::*;
 
 /// Threads write at least so many items each.
 const LEAST_ITEMS: usize = 1 << 16;

@@ -96,6 +96,8 @@ pub(super) fn march<S: Simd, L: Spectrum, const C: usize, const V: usize>(
             break;
         }
         number += f32x16::splat(simd, 1.0);
+        // Rays that are through stay where they began: their distance may be no number.
+        let distance = on_the_way.select(distance, zero);
         let place = start.plus(direction.times(distance));
         let brick = floor(place.times(f32x16::splat(simd, 1.0 / BRICK as f32)));
         let (number_of, entries) = bricks.space.entries(simd, brick);
