@@ -164,6 +164,11 @@ impl Light {
         }
     }
 
+    /// Whether its light has the same color in all directions and everywhere.
+    pub(crate) fn has_one_color(&self) -> bool {
+        !matches!(self, Self::Environment(sky) if !sky.is_constant())
+    }
+
     /// RGB power that a medium within `bounds` can get of this light: what a distant light sends through the box (of an image all
     /// around the box's mean cross section is taken), all that another one emits.
     pub fn power(&self, bounds: &Bounds) -> Vec3 {

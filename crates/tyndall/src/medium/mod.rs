@@ -40,6 +40,14 @@ pub struct Optics {
     pub phase: Phase,
 }
 
+impl Optics {
+    /// Whether all channels are treated alike.
+    pub(crate) fn is_grey(&self) -> bool {
+        let all_alike = |rgb: [f32; 3]| rgb[0] == rgb[1] && rgb[1] == rgb[2];
+        all_alike(self.extinction) && all_alike(self.albedo)
+    }
+}
+
 impl Medium {
     /// A medium of that density. Fails with [`Error::Setting`] where the optics or the extinction at the greatest density are out
     /// of range.

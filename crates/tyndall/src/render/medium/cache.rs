@@ -112,14 +112,12 @@ enum Channels {
 
 impl Channels {
     fn of(medium: &Medium, lights: &[Light]) -> Self {
-        let optics = medium.optics();
-        let is_grey = |rgb: [f32; 3]| rgb[0] == rgb[1] && rgb[1] == rgb[2];
-        if !is_grey(optics.extinction) || !is_grey(optics.albedo) {
+        if !medium.optics().is_grey() {
             return Self::Three;
         }
         let mut common: Option<Vec3> = None;
         for light in lights {
-            if matches!(light, Light::Environment(sky) if !sky.is_constant()) {
+            if !light.has_one_color() {
                 return Self::Three;
             }
             let power = light.power(&medium.bounds());

@@ -213,6 +213,28 @@ fn pictures_agree_with_the_reference() {
     }
 }
 
+#[test]
+fn a_channel_that_is_mixed_is_as_if_it_were_solved() {
+    let colors = [[3.0, 2.5, 2.0], [0.1, 0.2, 0.4], [0.3, 0.1, 0.3]];
+    for (g, count) in [(0.0, 2), (0.4, 2), (0.0, 3)] {
+        let medium = lumps(grey(6.0, 0.9, g));
+        let lit = |color: &dyn Fn(usize) -> [f32; 3], multiple| {
+            let second = Light::Directional(Directional::new(Vec3::X, color(2)).unwrap());
+            let lights = [sun(color(0)), sky(color(1)), second];
+            mean(&cached(&medium, &lights[..count], &Settings { multiple, ..Settings::default() }))
+        };
+        for multiple in [Multiple::Sweeps, Multiple::None] {
+            let found = lit(&|light| colors[light], multiple);
+            for channel in 0..3 {
+                let alone = lit(&|light| [colors[light][channel]; 3], multiple).x;
+                let error = (found[channel] / alone - 1.0).abs();
+                // A solve ends where a sweep changes a thousandth.
+                assert!(error < 2e-3, "g {g}, {count} lights, {multiple:?}, channel {channel}: {error}");
+            }
+        }
+    }
+}
+
 fn photon_settings(count: u64) -> photons::Settings {
     photons::Settings {
         count,

@@ -1,6 +1,6 @@
 //! Filling the cache: lattices are chosen, lights without extent are looked up through the medium, the rest is solved or gathered.
 
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
 use super::super::balls::Wanted;
@@ -136,15 +136,31 @@ impl<'a> Builder<'a> {
             fields
         };
         Ok(match multiple {
-            Multiple::Sweeps => {
-                return channels.into_iter().map(|channel| self.diffuse(direct, channel)).collect();
-            }
-            Multiple::None => channels.iter().enumerate().map(|it| of_sky(it, &[])).collect(),
+            Multiple::Sweeps => return self.each_channel(|channel| self.diffuse(direct, channel)),
+            Multiple::None => return self.each_channel(|channel| Ok(of_sky((0, &channel), &[]))),
             Multiple::Photons(settings, radius, passes) => {
                 let gathered = self.gathered(&settings, radius, passes, &channels)?;
                 channels.iter().enumerate().map(|it| of_sky(it, &gathered)).collect()
             }
         })
+    }
+
+    /// What `solve` finds in each channel that is solved; one that is a mix of two others is mixed.
+    fn each_channel(&self, solve: impl Fn(usize) -> Result<Vec<Field>>) -> Result<Vec<Vec<Field>>> {
+        let channels = self.channels.solved();
+        let mix = Mix::of(self.medium, &self.parted).filter(|_| channels.len() == 3);
+        let Some(Mix { channel: mixed, of: [(a, share_a), (b, share_b)] }) = mix else {
+            return channels.into_iter().map(solve).collect();
+        };
+        let (a, b) = (solve(a)?, solve(b)?);
+        let mut both = a.clone();
+        for (mixed, b) in both.iter_mut().zip(&b) {
+            let values = mixed.values.par_iter_mut().zip(&b.values);
+            values.for_each(|(value, b)| *value = share_a * *value + share_b * b);
+        }
+        let mut fields = vec![a, b];
+        fields.insert(mixed, both);
+        Ok(fields)
     }
 
     /// The same by sweeps, in one channel.
@@ -287,6 +303,48 @@ impl<'a> Builder<'a> {
             cache.far = Vec::new();
         }
         cache
+    }
+}
+
+/// How a channel follows from the two others: in a medium that treats all alike, what every light has of it is the same mix of them.
+/// So it is for any two colors of light, as those of sun and sky.
+struct Mix {
+    channel: usize,
+    /// The others in order, each with its share.
+    of: [(usize, f32); 2],
+}
+
+/// Shares that sum to more would make errors larger.
+const MOST_SHARES: f64 = 2.0;
+
+impl Mix {
+    /// The mix of the smallest shares, if there is one.
+    fn of(medium: &Medium, lights: &[Light]) -> Option<Self> {
+        if !medium.optics().is_grey() || !lights.iter().all(Light::has_one_color) {
+            return None;
+        }
+        let power = |light: &Light| light.power(&medium.bounds()).as_dvec3();
+        let colors: Vec<DVec3> = lights
+            .iter()
+            .map(power)
+            .filter(|it| *it != DVec3::ZERO)
+            .map(|it| it / it.max_element())
+            .collect();
+        let mix = |channel: usize| {
+            let [a, b] = [[1, 2], [0, 2], [0, 1]][channel];
+            // The least squares of what is left of the channel.
+            let dot = |i: usize, j: usize| colors.iter().map(|color| color[i] * color[j]).sum::<f64>();
+            let determinant = dot(a, a) * dot(b, b) - dot(a, b) * dot(a, b);
+            let share = |a: usize, b: usize| {
+                (dot(channel, a) * dot(b, b) - dot(channel, b) * dot(a, b)) / determinant
+            };
+            let (share_a, share_b) = (share(a, b), share(b, a));
+            let is_mix = |it: &DVec3| (it[channel] - share_a * it[a] - share_b * it[b]).abs() < 1e-6;
+            let sum = share_a.abs() + share_b.abs();
+            let is_good = sum <= MOST_SHARES && colors.iter().all(is_mix);
+            is_good.then_some((sum, Self { channel, of: [(a, share_a as f32), (b, share_b as f32)] }))
+        };
+        (0..3).filter_map(mix).min_by(|(a, _), (b, _)| a.total_cmp(b)).map(|(_, mix)| mix)
     }
 }
 
