@@ -76,7 +76,7 @@ pub(super) fn march<S: Simd, L: Spectrum, const C: usize, const V: usize>(
     step: f32,
     extinction: [f32; C],
 ) -> Gathered<C> {
-    const { assert!(V == C + 1 && 2 * V % FOUR == 0 && size_of::<L::Sample>() == V * size_of::<f32>()) };
+    const { assert!(V == C + 1 && (2 * V).is_multiple_of(FOUR) && size_of::<L::Sample>() == V * size_of::<f32>()) };
     let zero = f32x16::splat(simd, 0.0);
     let (start, direction) = (Lanes3::load(simd, &paths.start), Lanes3::load(simd, &paths.direction));
     let inv_direction = Lanes3::load(simd, &paths.inv_direction);
@@ -251,10 +251,10 @@ fn interpolate<S: Simd, const V: usize>(
     fraction: Lanes3<f32x16<S>>,
 ) -> [f32x16<S>; V] {
     let mut values = [f32x16::splat(simd, 0.0); V];
-    for four in 0..2 * V / FOUR {
+    let [a, b, c, d] = corners;
+    for (four, (((a, b), c), d)) in a.iter().zip(b).zip(c).zip(d).take(2 * V / FOUR).enumerate() {
         let mut mixed = [f32x16::splat(simd, 0.0); FOUR];
-        let [a, b] = [turned(simd, &corners[0][four]), turned(simd, &corners[1][four])];
-        let [c, d] = [turned(simd, &corners[2][four]), turned(simd, &corners[3][four])];
+        let (a, b, c, d) = (turned(simd, a), turned(simd, b), turned(simd, c), turned(simd, d));
         for place in 0..FOUR {
             let (low, high) = (
                 a[place] + fraction.z * (c[place] - a[place]),
