@@ -125,24 +125,19 @@ impl<'a> Builder<'a> {
 
     /// Coefficients of the light of the sky and of that scattered before, in each channel that is solved.
     pub(super) fn smooth(&self, direct: &[Direct], multiple: Multiple) -> Result<Vec<Vec<Field>>> {
-        let channels = self.channels.solved();
-        let of_sky = |(place, &channel): (usize, &usize), gathered: &[Vec<f32>]| {
-            let density = self.density.coarsened(self.lattices[0]);
-            let mut fields = diffuse::sky(self.channel(channel), &density, &self.inflow(channel));
-            let gathered = gathered.iter().skip(place * fields.len());
-            for (field, gathered) in fields.iter_mut().zip(gathered) {
+        if multiple == Multiple::Sweeps {
+            return self.each_channel(|channel| self.diffuse(direct, channel));
+        }
+        let density = self.density.coarsened(self.lattices[0]);
+        let sky = |channel| diffuse::sky(self.channel(channel), &density, &self.inflow(channel));
+        let mut fields = self.each_channel(|channel| Ok(sky(channel)))?;
+        if let Multiple::Photons(settings, radius, passes) = multiple {
+            let gathered = self.gathered(&settings, radius, passes, &self.channels.solved())?;
+            for (field, gathered) in fields.iter_mut().flatten().zip(gathered) {
                 field.values.iter_mut().zip(gathered).for_each(|(value, added)| *value += added);
             }
-            fields
-        };
-        Ok(match multiple {
-            Multiple::Sweeps => return self.each_channel(|channel| self.diffuse(direct, channel)),
-            Multiple::None => return self.each_channel(|channel| Ok(of_sky((0, &channel), &[]))),
-            Multiple::Photons(settings, radius, passes) => {
-                let gathered = self.gathered(&settings, radius, passes, &channels)?;
-                channels.iter().enumerate().map(|it| of_sky(it, &gathered)).collect()
-            }
-        })
+        }
+        Ok(fields)
     }
 
     /// What `solve` finds in each channel that is solved; one that is a mix of two others is mixed.
