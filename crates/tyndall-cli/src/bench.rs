@@ -184,7 +184,7 @@ impl<'a> Bench<'a> {
             ));
         }
         let cube = Bounds { min: Vec3::ZERO, max: Vec3::ONE };
-        sets.push(rays::incoherent(&cube.moved(-bvh.origin().as_vec3())));
+        sets.push(rays::incoherent(&cube.moved(-bvh.origin().as_vec3()), rays::INCOHERENT));
         let rates = |structure: &Structure| -> Vec<f64> {
             sets.iter().map(|rays| rays::rate(structure, rays)).collect()
         };

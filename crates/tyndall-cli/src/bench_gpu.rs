@@ -3,15 +3,15 @@
 //! The stand-ins of the thesis at their own counts and the sets of `tyndall bench` at those that are given, 800x800. Frames follow each
 //! other without a wait for any but the one before, as a viewer makes them; nothing is read back. `hits ms` and `light ms` are the card's
 //! own clock. `floors` says what bounds finding hits: bytes that the walk reads at least once a tile over the memory's rate, operations over
-//! the card's peak, and the steps that wait for each other in a tile over the tiles that are at work at one time. Incoherent rays come from random points around the particles' box to random points in it. More than 2^28 particles
-//! are packed in 8 bits and read in parts.
+//! the card's peak, and the steps that wait for each other in a tile over the tiles that are at work at one time. Incoherent rays come
+//! from random points around the particles' box to random points in it; `structures` are asked them too, where there are few enough
+//! particles. More than 2^28 particles are packed in 8 bits and read in parts.
+
+mod structures;
 
 use std::time::{Duration, Instant};
 
 use serde_json::json;
-use tyndall::Vec3;
-use tyndall::math::Ray;
-use tyndall::random::Stream;
 use tyndall::render::gpu::{Gpu, Kind as AdapterKind, Options, Renderer, Resident, Tiling, Tilings};
 use tyndall::render::{Culling, Settings};
 use tyndall::scene::automatic::{self, Outliers};
@@ -21,12 +21,12 @@ use tyndall::scene::light::Lighting;
 use tyndall::scene::outline::Outline;
 use tyndall::scene::viewpoint::{Lens, Motion, Side, Viewpoint};
 use tyndall::scene::{Scene, grouped};
-use tyndall::structure::{Packing, Spheres, Structure};
+use tyndall::structure::{Kind, Packing, Spheres, Structure};
 use tyndall::synthetic::{self, Synthetic};
 
 use crate::args;
 use crate::bench::table::{Cell, Table};
-use crate::bench::{PROJECTIONS, SETS, camera_of_cube};
+use crate::bench::{PROJECTIONS, SETS, camera_of_cube, rays};
 use crate::device::Choice;
 use crate::report::{Outcome, Report};
 use crate::structure;
@@ -138,6 +138,7 @@ struct Bench<'a> {
     checked: Option<Gpu>,
     pictures: Table,
     floors: Table,
+    structures: Table,
     variants: Table,
     start: Instant,
 }
@@ -162,6 +163,7 @@ pub(crate) fn run(args: &args::Bench, report: &Report) -> Outcome<()> {
         checked,
         pictures: Table::new(&PICTURES),
         floors: Table::new(&FLOORS),
+        structures: Table::new(&structures::HEADINGS),
         variants: Table::new(&VARIANTS),
         start: Instant::now(),
     };
@@ -170,7 +172,9 @@ pub(crate) fn run(args: &args::Bench, report: &Report) -> Outcome<()> {
         report.out(&format!("{:#}\n", bench.json()))?;
     } else {
         report.out(&bench.pictures.markdown())?;
-        for table in [&bench.floors, &bench.variants].into_iter().filter(|table| !table.is_empty()) {
+        for table in
+            [&bench.structures, &bench.floors, &bench.variants].into_iter().filter(|table| !table.is_empty())
+        {
             report.out(&format!("\n{}", table.markdown()))?;
         }
     }
@@ -218,6 +222,7 @@ impl Bench<'_> {
             "size": [self.args.size.width, self.args.size.height],
             "secs": self.start.elapsed().as_secs_f64(),
             "pictures": self.pictures.json(),
+            "structures": self.structures.json(),
             "floors": self.floors.json(),
             "variants": self.variants.json(),
         })
@@ -225,7 +230,8 @@ impl Bench<'_> {
 
     /// Builds and loads once, then measures with each camera.
     fn measure(&mut self, set: &str, count: Option<u64>) -> Outcome<()> {
-        let (structure, cameras, build_secs) = self.build(set, count)?;
+        let kind = structure::kind(&self.args.structure)?;
+        let (structure, cameras, build_secs) = self.build(set, count, kind)?;
         let colors = ParticleColors::constant([0.7; 3]);
         let mut scene = Scene::new(structure, colors, Lighting::Headlight, Some([1.0; 3]));
         let start = Instant::now();
@@ -279,6 +285,7 @@ impl Bench<'_> {
             ));
         }
         drop(resident);
+        self.measure_structures(set, count)?;
         if self.args.variants {
             scene.lighting = Lighting::Headlight;
             self.compare(set, &scene, &cameras)?;
@@ -403,8 +410,8 @@ impl Bench<'_> {
         Settings { width: size.width, height: size.height, samples, seed: 0, culling: Culling::Off }
     }
 
-    /// Makes and arranges a set.
-    fn build(&self, set: &str, count: Option<u64>) -> Outcome<Built> {
+    /// Makes a set and arranges it in a structure.
+    fn build(&self, set: &str, count: Option<u64>, kind: Kind) -> Outcome<Built> {
         let progress = self.report.progress();
         let text = match count {
             Some(count) => format!("{set}?n={count}&seed=1"),
@@ -435,7 +442,6 @@ impl Bench<'_> {
         let (radii, _) = automatic::radii(&particles);
         let cameras =
             self.cameras(is_cube, Spheres { particles: &particles, radii: &radii, radius_scale: 1.0 });
-        let kind = structure::kind(&self.args.structure)?;
         let start = Instant::now();
         let structure = Structure::build(kind, particles, &radii, 1.0, progress)?;
         Ok((structure, cameras, start.elapsed().as_secs_f64()))
@@ -490,18 +496,9 @@ impl Bench<'_> {
 
     /// Rays that share nothing, answered in a second.
     fn incoherent(&self, resident: &Resident, scene: &Scene) -> Outcome<f64> {
-        let bounds = scene.structure().bounds();
-        let (center, half) = (bounds.center(), 0.5 * bounds.extent());
-        let ray = |number| {
-            let mut stream = Stream::new(1, number);
-            // Twice as far out as the unit cube's bench: around the box's sphere.
-            let origin = center + 4.0 * half.max_element() * stream.direction();
-            let target = center + half * (2.0 * Vec3::new(stream.unit(), stream.unit(), stream.unit()) - 1.0);
-            Ray { origin, direction: (target - origin).normalize(), t_min: 0.0, t_max: f32::INFINITY }
-        };
         let is_program = self.gpu.info().kind == AdapterKind::Software;
         let count = RAYS[usize::from(is_program)];
-        let rays: Vec<Ray> = (0..count).map(ray).collect();
+        let rays = rays::incoherent(&scene.structure().bounds(), count);
         let batch = resident.batch(&rays)?;
         let mut times = Vec::new();
         for _ in 0..6 {

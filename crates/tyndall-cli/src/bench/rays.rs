@@ -12,7 +12,7 @@ use tyndall::structure::Structure;
 use super::median;
 
 /// Rays that share nothing, so many.
-const INCOHERENT: u64 = 1 << 18;
+pub(super) const INCOHERENT: u64 = 1 << 18;
 /// Rays that a thread takes at a time, at least.
 const LEAST_SHARE: usize = 256;
 /// How often each set of rays is asked; the median counts.
@@ -25,7 +25,7 @@ pub(crate) fn coherent(view: &View, width: u32, height: u32) -> Vec<Ray> {
 }
 
 /// From random points around a box to random points in it; of the unit cube the law of `benches/embree/spheres.cpp`.
-pub(crate) fn incoherent(bounds: &Bounds) -> Vec<Ray> {
+pub(crate) fn incoherent(bounds: &Bounds, count: u64) -> Vec<Ray> {
     let (center, extent) = (bounds.center(), bounds.extent());
     let ray = |number| {
         let mut stream = Stream::new(1, number);
@@ -33,7 +33,7 @@ pub(crate) fn incoherent(bounds: &Bounds) -> Vec<Ray> {
         let target = bounds.min + extent * Vec3::new(stream.unit(), stream.unit(), stream.unit());
         Ray { origin, direction: (target - origin).normalize(), t_min: 0.0, t_max: f32::INFINITY }
     };
-    (0..INCOHERENT).map(ray).collect()
+    (0..count).map(ray).collect()
 }
 
 /// Rays answered in a microsecond by all threads, so millions in a second.

@@ -91,5 +91,5 @@ fn rates(structure: &Structure, args: &args::Bench) -> Outcome<(f64, f64)> {
     let camera = camera_of(perspective, center, f64::from(bounds.extent().max_element()));
     let view = camera.view(structure.origin(), width, height)?;
     let coherent = rays::rate(structure, &rays::coherent(&view, width, height));
-    Ok((coherent, rays::rate(structure, &rays::incoherent(&bounds))))
+    Ok((coherent, rays::rate(structure, &rays::incoherent(&bounds, rays::INCOHERENT))))
 }

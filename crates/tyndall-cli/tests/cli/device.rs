@@ -46,9 +46,14 @@ fn devices_that_are_not_there_are_errors_but_for_auto() {
     let told = folder.render("line.xyz --structure pkd -o a.png").fine();
     assert!(told.contains("pkd") && !told.contains("GPU"), "{told}");
     if has_adapter(&folder) {
+        for structure in ["pkd", "treelets"] {
+            let told =
+                folder.render(&format!("line.xyz --structure {structure} --device gpu -o a.png")).fine();
+            assert!(told.contains(&format!("{structure}, gpu ")), "{told}");
+        }
         folder
-            .render("line.xyz --structure pkd --device gpu -o a.png")
-            .fails(2, &["--structure", "bvh on the GPU"]);
+            .render("line.xyz --structure brute --device gpu -o a.png")
+            .fails(2, &["--structure", "bvh, treelets or pkd on the GPU"]);
     }
 }
 
@@ -60,7 +65,7 @@ fn cards_are_measured_and_figures_are_kept() {
     }
     let line = "bench gpu --device gpu --sets packed,nozzle --n 300 --size 16x16 --figures figures.json";
     let ran = folder.line(line);
-    for heading in ["4 samples frames/s", "incoherent Mrays/s", "tests a sample"] {
+    for heading in ["4 samples frames/s", "incoherent Mrays/s", "tests a sample", "incoherent Grays/s"] {
         assert!(ran.code == 0 && ran.out.contains(heading), "{heading}: {ran:?}");
     }
     let json: serde_json::Value =
@@ -68,6 +73,12 @@ fn cards_are_measured_and_figures_are_kept() {
     let rows = json["pictures"].as_array().unwrap();
     assert_eq!(rows.len(), 4, "two sets by two cameras");
     assert!(rows.iter().all(|row| row["4 samples frames/s"].as_f64().unwrap() > 0.0), "{json}");
+    let structures = json["structures"].as_array().unwrap();
+    for structure in ["bvh", "pkd", "treelets of 64"] {
+        let rows = structures.iter().filter(|row| row["structure"] == structure);
+        let fine = rows.filter(|row| row["1 sample frames/s"].as_f64().is_some_and(|rate| rate > 0.0));
+        assert!(fine.count() >= 2, "{structure}: {json}");
+    }
     let late = folder.line("bench gpu --device gpu --sets packed --n 300 --size 16x16 --time 1 --json");
     assert_eq!(late.code, 0, "{late:?}");
 }

@@ -6,7 +6,7 @@
 
 mod build;
 pub mod bvh;
-mod heap;
+pub(crate) mod heap;
 pub mod pkd;
 mod search;
 pub mod selection;
@@ -243,6 +243,12 @@ impl Structure {
         each_store!(&self.store, store => store.shows(node))
     }
 
+    /// Whether all particles are shown, with the radii that were built.
+    #[cfg(feature = "gpu")]
+    pub(crate) fn is_as_built(&self) -> bool {
+        each_store!(&self.store, store => store.is_as_built())
+    }
+
     /// How many particles there are; nodes count from 0 to this.
     pub fn len(&self) -> usize {
         self.ids().len()
@@ -382,6 +388,11 @@ impl Brute {
 
     fn shows(&self, node: u32) -> bool {
         self.shown.as_ref().is_none_or(|shown| shows(shown, node as usize))
+    }
+
+    #[cfg(feature = "gpu")]
+    fn is_as_built(&self) -> bool {
+        self.shown.is_none() && self.radius_scale == 1.0
     }
 
     fn hits(&self, ray: &Ray, except: Option<u32>) -> impl Iterator<Item = (f32, u32)> {

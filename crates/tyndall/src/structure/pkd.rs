@@ -79,6 +79,12 @@ impl Pkd {
         self.columns.shows(node as usize)
     }
 
+    /// Whether all particles are shown, with the radii that were built.
+    #[cfg(feature = "gpu")]
+    pub(super) fn is_as_built(&self) -> bool {
+        self.columns.is_as_built()
+    }
+
     /// See [`super::Structure::sphere`].
     #[inline(always)]
     pub fn sphere(&self, node: u32) -> (Vec3, f32) {
@@ -101,5 +107,11 @@ impl Pkd {
     /// Memory that it takes in bytes, without the ids.
     pub fn bytes(&self) -> u64 {
         self.columns.bytes()
+    }
+
+    /// A copy for a device.
+    #[cfg(feature = "gpu")]
+    pub(crate) fn arrays(&self) -> heap::Arrays<'_> {
+        self.columns.arrays(std::slice::from_ref(&self.heap), self.slack)
     }
 }

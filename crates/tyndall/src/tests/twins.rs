@@ -1,6 +1,8 @@
 //! Whole pictures of the card beside those of the CPU. Products and sums may be fused on the card, so that a ray that grazes a sphere may
 //! be decided otherwise: such pixels are counted.
 
+mod heaps;
+
 use super::scenes::{LAWS, Law, Random, camera, particles};
 use crate::error::Error;
 use crate::film::Image;
@@ -12,8 +14,9 @@ use crate::scene::camera::Camera;
 use crate::scene::color;
 use crate::scene::coloring::Range;
 use crate::scene::light::Lighting;
+use crate::structure::selection::HalfSpace;
 use crate::structure::{Hit, Kind, Packing, Structure};
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 
 /// A device, or none: then it is said that the test is skipped.
 fn device(page_bytes: Option<u64>) -> Option<Gpu> {
@@ -28,6 +31,11 @@ fn device(page_bytes: Option<u64>) -> Option<Gpu> {
 
 /// A random scene by a seed, with its camera.
 fn random_scene(seed: u64, packing: Packing, lighting: Lighting) -> (Scene, Camera) {
+    random_scene_in(Kind::Bvh(packing), seed, lighting)
+}
+
+/// The same in any structure.
+fn random_scene_in(kind: Kind, seed: u64, lighting: Lighting) -> (Scene, Camera) {
     const COUNTS: [usize; 7] = [3000, 700, 129, 17, 2, 1, 0];
     let mut random = Random::new(seed);
     let law = LAWS[seed as usize % LAWS.len()];
@@ -36,7 +44,7 @@ fn random_scene(seed: u64, packing: Packing, lighting: Lighting) -> (Scene, Came
     let camera = camera(&particles.bounds(), &mut random);
     let spec = if seed.is_multiple_of(3) { "#8090a0" } else { "radius" };
     let colors = color::resolve(&particles, &spec.parse().unwrap(), None, None, Range::Auto).unwrap();
-    let structure = Structure::build(Kind::Bvh(packing), particles, &radii, 1.0, &()).unwrap();
+    let structure = Structure::build(kind, particles, &radii, 1.0, &()).unwrap();
     (Scene::new(structure, colors, lighting, None), camera)
 }
 
@@ -206,6 +214,24 @@ fn structures_that_the_card_does_not_walk_are_refused() {
     let structure = Structure::build(Kind::Brute, particles, &radii, 1.0, &()).unwrap();
     let scene = Scene::new(structure, color::ParticleColors::constant([1.0; 3]), Lighting::Flat, None);
     assert!(matches!(Resident::load(&gpu, &scene, &()), Err(Error::Setting { .. })));
+}
+
+#[test]
+fn particles_hidden_or_scaled_after_the_build_are_refused() {
+    let Some(gpu) = device(None) else { return };
+    let half_space = HalfSpace { normal: DVec3::X, distance: 0.0 };
+    for kind in [Kind::Bvh(Packing::Exact), Kind::Pkd(Default::default()), Kind::Treelets(Default::default())]
+    {
+        let (mut scene, _) = random_scene_in(kind, 0, Lighting::Flat);
+        let is_refused = |scene: &Scene| matches!(Resident::load(&gpu, scene, &()), Err(Error::Device(_)));
+        assert!(!is_refused(&scene), "{kind:?}");
+        scene.select(&[], &[half_space]).unwrap();
+        assert!(is_refused(&scene), "{kind:?}");
+        scene.select(&[], &[]).unwrap();
+        assert!(!is_refused(&scene), "{kind:?}");
+        scene.scale_radii(1.5);
+        assert!(is_refused(&scene), "{kind:?}");
+    }
 }
 
 #[test]

@@ -21,14 +21,13 @@ fn id_of(node: u32) -> u32 {
     return ids(node >> 2u)[node & 3u];
 }
 
-fn power_of_two(exponent: u32) -> f32 {
-    return bitcast<f32>(exponent << 23u);
+fn particle_count() -> u32 {
+    return bvh.particles;
 }
 
-// Three powers of two, of which one word has the biased exponents.
-fn steps_of(exponents: u32) -> vec3f {
-    return vec3f(
-        power_of_two(exponents & 255u), power_of_two((exponents >> 8u) & 255u), power_of_two((exponents >> 16u) & 255u));
+// Center and radius of the particle at `node`.
+fn sphere_of(node: u32) -> vec4f {
+    return vec4f(center_of(node >> 4u, node & 15u), radius_of(node >> 4u, node & 15u));
 }
 
 // The center of the particle at `place` of a leaf.

@@ -136,7 +136,9 @@ impl Film {
             pass.set_bind_group(1, resident.group(), &[]);
             pass.set_bind_group(2, &self.aside_groups[0], &[]);
             pass.set_pipeline(&kernels.find_hits);
-            pass.dispatch_workgroups(self.width.div_ceil(tile[0]), rows.div_ceil(tile[1]), 1);
+            // A tile has all its samples; of single rays a thread has one.
+            let samples = if resident.shape().walked.has_tiles() { 1 } else { kernels.samples };
+            pass.dispatch_workgroups(self.width.div_ceil(tile[0]), rows.div_ceil(tile[1]), samples);
             if let Some(go_on) = &kernels.go_on {
                 pass.set_bind_group(2, &self.aside_groups[1], &[]);
                 pass.set_pipeline(go_on);

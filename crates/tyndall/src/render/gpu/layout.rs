@@ -68,6 +68,16 @@ pub(super) struct Bvh {
     pub(super) radius: f32,
 }
 
+/// The outline of heaps: `Outline` in heap.wgsl.
+#[derive(Clone, Copy, Debug, Pod, Zeroable, PartialEq)]
+#[repr(C)]
+pub(super) struct Outline {
+    pub(super) particles: u32,
+    pub(super) slack: f32,
+    pub(super) unused_0: u32,
+    pub(super) unused_1: u32,
+}
+
 /// `Ray` in math.wgsl.
 #[derive(Clone, Copy, Debug, Pod, Zeroable, PartialEq)]
 #[repr(C)]

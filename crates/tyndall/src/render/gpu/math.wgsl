@@ -3,6 +3,16 @@
 // Farther than anything: what has met nothing lies there. Neither NaN nor infinity goes into a shader.
 const FAR: f32 = 0x1.fffffep+127f;
 
+fn power_of_two(exponent: u32) -> f32 {
+    return bitcast<f32>(exponent << 23u);
+}
+
+// Three powers of two, of which one word has the biased exponents.
+fn steps_of(exponents: u32) -> vec3f {
+    return vec3f(
+        power_of_two(exponents & 255u), power_of_two((exponents >> 8u) & 255u), power_of_two((exponents >> 16u) & 255u));
+}
+
 struct Ray {
     origin: vec3f,
     t_min: f32,

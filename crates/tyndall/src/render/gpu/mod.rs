@@ -27,8 +27,8 @@ use crate::scene::light::Lighting;
 pub use device::{AdapterInfo, Gpu, Kind, Options, adapters};
 use film::Film;
 pub use resident::Resident;
+pub use shader::{HeapWalk, Tiling, Tilings};
 use shader::{Sampling, Walk};
-pub use shader::{Tiling, Tilings};
 
 /// What a band of a picture should take at most, so that a display on the same card stays alive.
 const BAND: Duration = Duration::from_millis(50);
@@ -183,19 +183,21 @@ impl<'a> Renderer<'a> {
         timer.secs(gpu).map(Some)
     }
 
-    /// What the walk of the first pass does: counts of all tiles if none is laid aside. None if one band is too little for it.
+    /// What the walk of the first pass does: counts of all tiles if none is laid aside. None if one band is too little for it, or if the
+    /// structure is walked by single rays.
     pub fn count_work(&mut self, progress: &dyn Progress) -> Result<Option<Work>> {
         let Settings { width, height, samples, seed, .. } = self.settings;
         let gpu = self.resident.gpu();
         let Some(added) = Samples::after(0, samples, seed) else {
             return Ok(None);
         };
-        if self.film.band_rows(gpu, added.count)? < height {
+        let shape = self.resident.shape();
+        if !shape.walked.has_tiles() || self.film.band_rows(gpu, added.count)? < height {
             return Ok(None);
         }
         self.restart_counts();
         let sampling = self.sampling(added.count);
-        let text = self.resident.shape().tiles(sampling, Walk::Counted);
+        let text = shape.tiles(sampling, Walk::Counted);
         let layout = &self.resident.walk_layouts()[0];
         let find_hits = gpu.pipeline(text, "find_hits", layout, progress)?;
         let tilings = sampling.tilings;
@@ -267,12 +269,12 @@ impl<'a> Renderer<'a> {
         let gpu = self.resident.gpu();
         let [first, second] = self.resident.walk_layouts();
         let mut go_on = None;
-        if sampling.tilings.patience > 0 {
+        if sampling.tilings.patience > 0 && shape.walked.has_tiles() {
             let text = shape.tiles(sampling, Walk::Second);
             go_on = Some(gpu.pipeline(text, "find_hits", second, progress)?);
         }
         let kernels = Kernels {
-            find_hits: gpu.pipeline(shape.tiles(sampling, Walk::First), "find_hits", first, progress)?,
+            find_hits: gpu.pipeline(shape.hits(sampling), "find_hits", first, progress)?,
             go_on,
             shade: Some(gpu.pipeline(shape.shade(sampling), light, self.resident.pass_layout(), progress)?),
             samples,

@@ -9,23 +9,6 @@ const RAY_STACK: u32 = 7u * LEVELS + 1u;
 // What is no child.
 const MISSED: u32 = 0xffffffffu;
 
-// Where a ray enters and leaves four slabs along one axis.
-struct Slabs {
-    enter: vec4f,
-    leave: vec4f,
-}
-
-// Bytes as numbers.
-fn four_bytes(word: u32) -> vec4f {
-    return vec4f((vec4u(word) >> vec4u(0u, 8u, 16u, 24u)) & vec4u(255u));
-}
-
-fn cross_axis(lower: u32, upper: u32, scale: f32, shift: f32, give: f32) -> Slabs {
-    let a = four_bytes(lower) * scale + shift;
-    let b = four_bytes(upper) * scale + shift;
-    return Slabs(min(a, b) - give, max(a, b) + give);
-}
-
 // Which children of a node a ray meets before `t_far`: where it enters their boxes, or FAR.
 struct Children {
     lower: vec4f,
@@ -117,12 +100,6 @@ fn four_of(leaf: u32, part: u32) -> Four {
     return Four(x * step.x + corner.x, y * step.y + corner.y, z * step.z + corner.z, radius);
 }
 
-// What a ray met: distance, or the ray's t_max, and node, or NONE.
-struct Met {
-    t: f32,
-    node: u32,
-}
-
 // Where the ray enters four particles of a leaf, in one of which it may begin to be hidden before `t_far`: enter_sphere for four.
 fn enter_four(ray: Ray, four: Four) -> vec4f {
     let to_x = four.x - ray.origin.x;
@@ -137,17 +114,6 @@ fn enter_four(ray: Ray, four: Four) -> vec4f {
     let t = closest - sqrt(max(half_chord_sq, vec4f(0.0)));
     let enters = (half_chord_sq > vec4f(0.0)) & (t > vec4f(ray.t_min)) & (t < vec4f(ray.t_max));
     return select(vec4f(FAR), t, enters);
-}
-
-// The nearer of the two; equally near, that with the smaller id.
-fn nearer(met: Met, t: f32, node: u32, except: u32) -> Met {
-    if t > met.t || t == FAR || node == except || node >= bvh.particles {
-        return met;
-    }
-    if t == met.t && met.node != NONE && id_of(met.node) < id_of(node) {
-        return met;
-    }
-    return Met(t, node);
 }
 
 // Four children as sorting keys: the distance's bits, of which the lowest three are the child. Rounded down: nothing is lost.

@@ -1,19 +1,19 @@
-//! A scene in the card's memory: the hierarchy as the CPU has built it, and colors by node.
+//! A scene in the card's memory: the structure as the CPU has built it, and colors by node.
 
 use super::device::Gpu;
 use super::layout::{self, HitRecord, NONE, RayRecord};
 use super::pages::Pages;
-use super::shader::{Colors, Shape, Sizes};
+use super::shader::{Colors, HeapWalk, Heaps, Shape, Sizes, Walked};
 use crate::error::{Error, Result};
 use crate::math::Ray;
 use crate::progress::Progress;
 use crate::scene::Scene;
 use crate::scene::color::ColorColumn;
 use crate::structure::bvh::{Arrays, SizeArrays};
-use crate::structure::{Hit, Store, Structure};
+use crate::structure::{Hit, Store, Structure, heap};
 
-/// Storage buffers of a pass besides the scene's.
-const PASS_BUFFERS: u64 = 5;
+/// Storage buffers of a pass besides the scene's: points, hits, sums, nearest hits. Tiles have one more, for those that are laid aside.
+const PASS_BUFFERS: u64 = 4;
 /// Rays answered at once; bounds memory and the time of a dispatch.
 const RAYS_AT_ONCE: usize = 1 << 20;
 
@@ -32,50 +32,63 @@ pub struct Resident<'a> {
     bytes: u64,
 }
 
-/// What is loaded, as bytes.
+/// What is loaded.
 struct Content<'a> {
-    arrays: Arrays<'a>,
-    sizes: (Sizes, &'a [u8]),
+    structure: Arranged<'a>,
     colors: (Colors, &'a [u8]),
-    ids: &'a [u8],
+}
+
+/// The structure.
+enum Arranged<'a> {
+    Bvh(Arrays<'a>),
+    Heaps(heap::Arrays<'a>),
 }
 
 impl<'a> Content<'a> {
     /// Fails with [`Error::Setting`] or [`Error::Device`] if the structure is none that the card walks.
     fn of(scene: &'a Scene) -> Result<Self> {
-        let Store::Bvh(bvh) = &scene.structure().store else {
-            let allowed = "bvh on the GPU; the others are for --device cpu";
-            return Err(Error::setting("--structure", "another", allowed));
+        let structure = match &scene.structure().store {
+            Store::Bvh(bvh) => Arranged::Bvh(bvh.arrays()),
+            Store::Pkd(pkd) => Arranged::Heaps(pkd.arrays()),
+            Store::Treelets(treelets) => Arranged::Heaps(treelets.arrays()),
+            Store::Brute(_) => {
+                let allowed = "bvh, treelets or pkd on the GPU; brute is for --device cpu";
+                return Err(Error::setting("--structure", "brute", allowed));
+            }
         };
-        if !bvh.is_as_built() {
+        if !scene.structure().is_as_built() {
             let what = "particles that are hidden or scaled after the build are not for the GPU yet";
             return Err(Error::Device(format!("{what}; --device cpu")));
         }
-        let arrays = bvh.arrays();
-        let sizes = match arrays.sizes {
-            SizeArrays::Uniform(_) => (Sizes::Uniform, &[][..]),
-            SizeArrays::Table { codes, .. } => (Sizes::Table, codes),
-            SizeArrays::Each(radii) => (Sizes::Each, radii),
-            SizeArrays::Log(radii) => (Sizes::Log, radii),
-        };
         let colors = match scene.color_column() {
             ColorColumn::Constant(_) => (Colors::Constant, &[][..]),
             ColorColumn::Palette { places, .. } => (Colors::Palette, places),
             ColorColumn::Direct { bytes, .. } => (Colors::Direct, bytes),
         };
-        let ids = bytemuck::cast_slice(arrays.ids);
-        Ok(Self { arrays, sizes, colors, ids })
+        Ok(Self { structure, colors })
     }
 
     /// The arrays, in the order of their bindings.
-    fn columns(&self) -> [(&'static str, &'a [u8]); 5] {
-        [
-            ("nodes", self.arrays.nodes),
-            ("blocks", self.arrays.blocks),
-            ("sizes", self.sizes.1),
-            ("ids", self.ids),
-            ("colors", self.colors.1),
-        ]
+    fn columns(&self) -> Vec<(&'static str, &[u8])> {
+        let mut columns = match &self.structure {
+            Arranged::Bvh(arrays) => vec![
+                ("nodes", arrays.nodes),
+                ("blocks", arrays.blocks),
+                ("sizes", sizes(&arrays.sizes).1),
+                ("ids", bytemuck::cast_slice(arrays.ids)),
+            ],
+            Arranged::Heaps(arrays) => vec![
+                ("spheres", bytemuck::cast_slice(&arrays.spheres)),
+                ("heaps", bytemuck::cast_slice(&arrays.heaps)),
+                ("axes", arrays.axes),
+                ("ids", bytemuck::cast_slice(arrays.ids)),
+            ],
+        };
+        if let Arranged::Heaps(heap::Arrays { nodes: Some(nodes), .. }) = &self.structure {
+            columns.push(("nodes", bytemuck::cast_slice(&nodes.nodes)));
+        }
+        columns.push(("colors", self.colors.1));
+        columns
     }
 
     fn bytes(&self) -> u64 {
@@ -84,33 +97,71 @@ impl<'a> Content<'a> {
 
     /// Fails with [`Error::Memory`] if the card cannot hold or bind it.
     fn check(&self, gpu: &Gpu) -> Result<()> {
+        let columns = self.columns();
         let pages: u64 =
-            self.columns().iter().map(|(_, bytes)| Pages::count(bytes.len() as u64, gpu.page_bytes())).sum();
+            columns.iter().map(|(_, bytes)| Pages::count(bytes.len() as u64, gpu.page_bytes())).sum();
         let direct_fits = self.colors.0 != Colors::Direct || self.colors.1.len() <= u32::MAX as usize;
-        let elements_fit =
-            self.columns().iter().all(|(_, bytes)| bytes.len() as u64 / 16 <= u64::from(u32::MAX));
-        let is_bound = pages + PASS_BUFFERS <= gpu.storage_buffers() && direct_fits && elements_fit;
+        let elements_fit = columns.iter().all(|(_, bytes)| bytes.len() as u64 / 16 <= u64::from(u32::MAX));
+        let is_bound = pages + PASS_BUFFERS + u64::from(self.walked().0.has_tiles()) <= gpu.storage_buffers()
+            && direct_fits
+            && elements_fit;
         let has_room = gpu.info().memory_bytes.is_none_or(|bytes| self.bytes() <= bytes);
         if is_bound && has_room { Ok(()) } else { Err(gpu.too_small("the scene", self.bytes())) }
     }
 
-    fn outline(&self) -> layout::Bvh {
-        let mut outline = layout::Bvh {
-            top: self.arrays.top,
-            particles: self.arrays.ids.len() as u32,
-            slack: self.arrays.slack,
-            ..bytemuck::Zeroable::zeroed()
-        };
-        for (level, of) in outline.levels.iter_mut().zip(self.arrays.levels) {
-            [level[0], level[1]] = of;
+    /// What the kernels read of the structure besides its arrays.
+    fn outline(&self) -> Vec<u8> {
+        match &self.structure {
+            Arranged::Bvh(arrays) => bytemuck::bytes_of(&bvh_outline(arrays)).to_vec(),
+            Arranged::Heaps(arrays) => {
+                let particles = arrays.ids.len() as u32;
+                let outline = layout::Outline { particles, slack: arrays.slack, unused_0: 0, unused_1: 0 };
+                bytemuck::bytes_of(&outline).to_vec()
+            }
         }
-        match self.arrays.sizes {
-            SizeArrays::Uniform(radius) => outline.radius = radius,
-            SizeArrays::Table { radii, .. } => outline.radii = *radii,
-            SizeArrays::Each(_) | SizeArrays::Log(_) => {}
-        }
-        outline
     }
+
+    /// The structure, and more levels of nodes than it has.
+    fn walked(&self) -> (Walked, u32) {
+        match &self.structure {
+            Arranged::Bvh(arrays) => (Walked::Bvh(arrays.packing, sizes(&arrays.sizes).0), arrays.top),
+            Arranged::Heaps(arrays) => {
+                let heaps = Heaps { upper_levels: arrays.upper_levels, walk: HeapWalk::default() };
+                match &arrays.nodes {
+                    Some(nodes) => (Walked::Treelets(heaps), nodes.levels),
+                    None => (Walked::Pkd(heaps), 1),
+                }
+            }
+        }
+    }
+}
+
+/// How radii are held, and their array.
+fn sizes<'a>(arrays: &SizeArrays<'a>) -> (Sizes, &'a [u8]) {
+    match *arrays {
+        SizeArrays::Uniform(_) => (Sizes::Uniform, &[]),
+        SizeArrays::Table { codes, .. } => (Sizes::Table, codes),
+        SizeArrays::Each(radii) => (Sizes::Each, radii),
+        SizeArrays::Log(radii) => (Sizes::Log, radii),
+    }
+}
+
+fn bvh_outline(arrays: &Arrays) -> layout::Bvh {
+    let mut outline = layout::Bvh {
+        top: arrays.top,
+        particles: arrays.ids.len() as u32,
+        slack: arrays.slack,
+        ..bytemuck::Zeroable::zeroed()
+    };
+    for (level, of) in outline.levels.iter_mut().zip(arrays.levels) {
+        [level[0], level[1]] = of;
+    }
+    match arrays.sizes {
+        SizeArrays::Uniform(radius) => outline.radius = radius,
+        SizeArrays::Table { radii, .. } => outline.radii = *radii,
+        SizeArrays::Each(_) | SizeArrays::Log(_) => {}
+    }
+    outline
 }
 
 /// Colors that all particles share, or the linear values of bytes.
@@ -143,10 +194,8 @@ impl<'a> Resident<'a> {
             gpu.write(&buffer, 0, bytes);
             Ok(buffer)
         };
-        let mut buffers = vec![
-            uniform("hierarchy", bytemuck::bytes_of(&outline))?,
-            uniform("palette", bytemuck::cast_slice(&palette))?,
-        ];
+        let mut buffers =
+            vec![uniform("structure", &outline)?, uniform("palette", bytemuck::cast_slice(&palette))?];
         let uniforms = buffers.len();
         let mut arrays = String::new();
         for (name, bytes) in content.columns() {
@@ -155,12 +204,12 @@ impl<'a> Resident<'a> {
             buffers.extend(pages.buffers);
         }
         gpu.flush()?;
+        let (walked, levels) = content.walked();
         let shape = Shape {
-            packing: content.arrays.packing,
-            sizes: content.sizes.0,
+            walked,
             colors: content.colors.0,
             // Few different numbers, so that kernels are seldom made anew.
-            levels: content.arrays.top.max(4).next_multiple_of(2),
+            levels: levels.max(4).next_multiple_of(2),
             arrays,
         };
         let scene_bindings = gpu.layout(&vec![Binding::Uniform; uniforms], buffers.len());
@@ -173,18 +222,28 @@ impl<'a> Resident<'a> {
         let ray_bindings = gpu.layout(&[Binding::Read, Binding::Written], 2);
         Ok(Self {
             gpu,
-            shape,
             group,
             pass_layout: gpu.pipeline_layout(&[&pass_bindings, &scene_bindings]),
-            walk_layouts: aside_bindings
-                .each_ref()
-                .map(|aside| gpu.pipeline_layout(&[&pass_bindings, &scene_bindings, aside])),
+            walk_layouts: aside_bindings.each_ref().map(|aside| match shape.walked.has_tiles() {
+                true => gpu.pipeline_layout(&[&pass_bindings, &scene_bindings, aside]),
+                false => gpu.pipeline_layout(&[&pass_bindings, &scene_bindings]),
+            }),
             aside_bindings,
             ray_layout: gpu.pipeline_layout(&[&ray_bindings, &scene_bindings]),
+            shape,
             pass_bindings,
             ray_bindings,
             bytes: content.bytes(),
         })
+    }
+
+    /// Walks the k-d trees of `pkd` and `treelets` in another way. What is found stays the same.
+    pub fn with_heap_walk(mut self, walk: HeapWalk) -> Self {
+        match &mut self.shape.walked {
+            Walked::Pkd(heaps) | Walked::Treelets(heaps) => heaps.walk = walk,
+            Walked::Bvh(..) => {}
+        }
+        self
     }
 
     /// The card.

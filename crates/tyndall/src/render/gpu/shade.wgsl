@@ -33,16 +33,15 @@ struct Surface {
 }
 
 fn surface_of(ray: Ray, depth: f32, node: u32) -> Surface {
-    let center = center_of(node >> 4u, node & 15u);
-    let radius = radius_of(node >> 4u, node & 15u);
-    let outward = ray.origin + ray.direction * depth - center;
+    let sphere = sphere_of(node);
+    let outward = ray.origin + ray.direction * depth - sphere.xyz;
     // A sphere so small that rounding leaves no direction faces the eye.
     let length_sq = outward.x * outward.x + outward.y * outward.y + outward.z * outward.z;
     var normal = -ray.direction;
     if length_sq > 1.17549435e-38 {
         normal = outward * (1.0 / sqrt(length_sq));
     }
-    return Surface(center + normal * radius, normal);
+    return Surface(sphere.xyz + normal * sphere.w, normal);
 }
 
 // Adds a pixel's light, and keeps what the sample nearest its center met.

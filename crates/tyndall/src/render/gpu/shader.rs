@@ -20,6 +20,12 @@ const SECOND: &str = include_str!("second.wgsl");
 const TILES: &str = include_str!("tiles.wgsl");
 const SHADE: &str = include_str!("shade.wgsl");
 const RAYS: &str = include_str!("rays.wgsl");
+const MET: &str = include_str!("met.wgsl");
+const BOXES: &str = include_str!("boxes.wgsl");
+const HEAP: &str = include_str!("heap.wgsl");
+const PKD: &str = include_str!("pkd.wgsl");
+const TREELETS: &str = include_str!("treelets.wgsl");
+const SINGLE: &str = include_str!("single.wgsl");
 const INTERSECT: &str = include_str!("intersect.wgsl");
 
 /// What a workgroup of the tile sample buffer is.
@@ -85,13 +91,47 @@ pub(super) enum Walk {
 /// How a scene's arrays are laid out.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Shape {
-    pub(super) packing: Packing,
-    pub(super) sizes: Sizes,
+    pub(super) walked: Walked,
     pub(super) colors: Colors,
-    /// More levels than the hierarchy has.
+    /// More levels of nodes than the structure has.
     pub(super) levels: u32,
     /// Declarations of the functions that read the arrays.
     pub(super) arrays: String,
+}
+
+/// The structure that is walked.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Walked {
+    Bvh(Packing, Sizes),
+    /// One heap.
+    Pkd(Heaps),
+    /// Heaps under nodes.
+    Treelets(Heaps),
+}
+
+impl Walked {
+    /// Whether it is walked once a tile, not once a sample.
+    pub(super) fn has_tiles(self) -> bool {
+        matches!(self, Self::Bvh(..))
+    }
+}
+
+/// How heaps are walked.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Heaps {
+    /// Levels of the highest above those that are tried at once.
+    pub(super) upper_levels: u32,
+    pub(super) walk: HeapWalk,
+}
+
+/// How a ray finds its way through the k-d trees of `pkd` and `treelets`. It finds the same either way.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum HeapWalk {
+    /// Keeps the far side of each plane that it has passed, and where along the ray that is.
+    #[default]
+    ShortStack,
+    /// Keeps nothing but where it came from.
+    StackFree,
 }
 
 /// How radii are held: see `structure::bvh`.
@@ -124,6 +164,16 @@ pub(super) struct Sampling {
 pub(super) const MOST_ASIDE: u32 = 65535;
 
 impl Shape {
+    /// The kernel that finds what samples meet: the first walk of tiles, or single rays where no tile can be walked as a whole.
+    pub(super) fn hits(&self, sampling: Sampling) -> String {
+        if self.walked.has_tiles() {
+            return self.tiles(sampling, Walk::First);
+        }
+        let [across, down] = sampling.tilings.first.tile;
+        let size = format!("const TILE_W: u32 = {across}u;\nconst TILE_H: u32 = {down}u;\n");
+        self.head(sampling) + &size + &self.walk() + &["", CAMERA, PASS, SINGLE].join("\n")
+    }
+
     /// The kernel of the tile sample buffer.
     pub(super) fn tiles(&self, sampling: Sampling, walk: Walk) -> String {
         let Sampling { samples, tilings, .. } = sampling;
@@ -162,20 +212,29 @@ impl Shape {
 
     /// The kernels that light the samples.
     pub(super) fn shade(&self, sampling: Sampling) -> String {
-        self.head(sampling) + &[MATH, BVH, CAMERA, PASS, RAYS, SHADE].join("\n")
+        self.head(sampling) + &self.walk() + &["", CAMERA, PASS, SHADE].join("\n")
     }
 
     /// The kernel of single rays.
     pub(super) fn rays(&self) -> String {
         // They depend on no picture.
         let sampling = Sampling { samples: 1, perspective: false, tilings: Tilings::of(1, 0) };
-        self.head(sampling) + &[MATH, BVH, RAYS, INTERSECT].join("\n")
+        self.head(sampling) + &self.walk() + "\n" + INTERSECT
     }
 
-    /// The formulas without any kernel.
+    /// The formulas of a hierarchy without any kernel.
     #[cfg(test)]
     pub(super) fn formulas(&self, sampling: Sampling) -> String {
         self.head(sampling) + &[MATH, BVH, CAMERA, BEAM, ""].join("\n")
+    }
+
+    /// Single rays through the structure.
+    fn walk(&self) -> String {
+        match self.walked {
+            Walked::Bvh(..) => [MATH, MET, BOXES, BVH, RAYS].join("\n"),
+            Walked::Pkd(_) => [MATH, MET, HEAP, PKD].join("\n"),
+            Walked::Treelets(_) => [MATH, MET, BOXES, HEAP, TREELETS].join("\n"),
+        }
     }
 
     fn head(&self, sampling: Sampling) -> String {
@@ -185,19 +244,28 @@ impl Shape {
             // Writing to a string cannot fail.
             _ = writeln!(head, "const {name}: u32 = {value}u;");
         };
-        let [exact, bits16, bits11, bits8] =
-            [Packing::Exact, Packing::Bits16, Packing::Bits11, Packing::Bits8].map(|it| it as u32);
-        number("PACKING", self.packing as u32);
-        number("PACKING_EXACT", exact);
-        number("PACKING_16", bits16);
-        number("PACKING_11", bits11);
-        number("PACKING_8", bits8);
-        number("BLOCK", block_elements(self.packing));
-        number("SIZES", self.sizes as u32);
-        number("SIZES_UNIFORM", Sizes::Uniform as u32);
-        number("SIZES_TABLE", Sizes::Table as u32);
-        number("SIZES_EACH", Sizes::Each as u32);
-        number("SIZES_LOG", Sizes::Log as u32);
+        match self.walked {
+            Walked::Bvh(packing, sizes) => {
+                let [exact, bits16, bits11, bits8] =
+                    [Packing::Exact, Packing::Bits16, Packing::Bits11, Packing::Bits8].map(|it| it as u32);
+                number("PACKING", packing as u32);
+                number("PACKING_EXACT", exact);
+                number("PACKING_16", bits16);
+                number("PACKING_11", bits11);
+                number("PACKING_8", bits8);
+                number("BLOCK", block_elements(packing));
+                number("SIZES", sizes as u32);
+                number("SIZES_UNIFORM", Sizes::Uniform as u32);
+                number("SIZES_TABLE", Sizes::Table as u32);
+                number("SIZES_EACH", Sizes::Each as u32);
+                number("SIZES_LOG", Sizes::Log as u32);
+            }
+            Walked::Pkd(heaps) | Walked::Treelets(heaps) => {
+                number("HEAP_STACK", heaps.upper_levels.max(1));
+                number("HEAP_WALK", heaps.walk as u32);
+                number("STACK_FREE", HeapWalk::StackFree as u32);
+            }
+        }
         number("COLORS", self.colors as u32);
         number("COLORS_PALETTE", Colors::Palette as u32);
         number("COLORS_DIRECT", Colors::Direct as u32);

@@ -50,7 +50,7 @@ impl Bvh {
 
     /// Whether all particles are shown, with the radii that were built.
     #[cfg(feature = "gpu")]
-    pub(crate) fn is_as_built(&self) -> bool {
+    pub(in crate::structure) fn is_as_built(&self) -> bool {
         self.shown.leaves.is_empty() && self.radius_scale == 1.0
     }
 

@@ -8,6 +8,8 @@
 //! ones are the treelets of Gralka, Wald, Geringer, Reina, Ertl 2020, Spatial Partitioning Strategies for Memory-Efficient Ray
 //! Tracing of Particles.
 
+#[cfg(feature = "gpu")]
+mod arrays;
 mod build;
 mod shown;
 mod walk;
@@ -18,6 +20,8 @@ use rayon::prelude::*;
 use super::build::Record;
 use crate::math::Bounds;
 use crate::pages;
+#[cfg(feature = "gpu")]
+pub(crate) use arrays::{Arrays, NodeArrays, NodeRecord};
 pub(super) use build::{place_in_order, reorder, sort};
 use shown::Shown;
 pub(super) use walk::{Stack, walk};

@@ -41,6 +41,12 @@ impl Columns {
         self.shown.as_ref().is_none_or(|shown| shows(&shown.own, node))
     }
 
+    /// Whether all particles are shown, with the radii that were built.
+    #[cfg(feature = "gpu")]
+    pub(in crate::structure) fn is_as_built(&self) -> bool {
+        self.shown.is_none() && self.radius_scale == 1.0
+    }
+
     /// Whether anything below `node` is shown, itself included.
     #[inline(always)]
     pub(super) fn shows_any(&self, node: usize) -> bool {

@@ -14,6 +14,8 @@ use glam::Vec3;
 
 use super::bvh::{Node, Slabs, WIDTH};
 use super::heap::{self, Columns, Heap, Stack};
+#[cfg(feature = "gpu")]
+use super::heap::{NodeArrays, NodeRecord};
 use super::pkd;
 use super::search::{Observer, Search};
 use super::selection::Test;
@@ -145,6 +147,12 @@ impl Treelets {
         self.columns.shows(node as usize)
     }
 
+    /// Whether all particles are shown, with the radii that were built.
+    #[cfg(feature = "gpu")]
+    pub(super) fn is_as_built(&self) -> bool {
+        self.columns.is_as_built()
+    }
+
     /// See [`super::Structure::sphere`].
     #[inline(always)]
     pub fn sphere(&self, node: u32) -> (Vec3, f32) {
@@ -167,6 +175,31 @@ impl Treelets {
         self.columns.bytes() + (nodes + size_of_val(&self.heaps[..])) as u64
     }
 
+    /// A copy for a device.
+    #[cfg(feature = "gpu")]
+    pub(crate) fn arrays(&self) -> heap::Arrays<'_> {
+        let place = |child| match child {
+            Child::Node(place) => place,
+            Child::Treelet(place) => place | HIGHEST_BIT,
+        };
+        let record = |(node, children): (&Node, &Children)| NodeRecord {
+            boxes: bytemuck::cast(*node),
+            places: std::array::from_fn(|child| place(children.child(child))),
+            count: children.existing.count_ones(),
+            unused: [0; 3],
+        };
+        let nodes: Vec<NodeRecord> = self.nodes.iter().zip(&self.children).map(record).collect();
+        // A node stands before its children.
+        let mut depths = vec![1; nodes.len()];
+        for (place, node) in nodes.iter().enumerate() {
+            for &child in node.places[..node.count as usize].iter().filter(|&&child| child < HIGHEST_BIT) {
+                depths[child as usize] = depths[place] + 1;
+            }
+        }
+        let nodes = NodeArrays { nodes, levels: depths.into_iter().max().unwrap_or(1) };
+        heap::Arrays { nodes: Some(nodes), ..self.columns.arrays(&self.heaps, self.slack) }
+    }
+
     /// A treelet, and how many particles it has.
     #[inline(always)]
     fn heap(&self, treelet: usize) -> (&Heap, usize) {
@@ -174,6 +207,10 @@ impl Treelets {
         (&self.heaps[treelet], end - self.heaps[treelet].first as usize)
     }
 }
+
+/// Tells a treelet's place from a node's where both are numbers.
+#[cfg(feature = "gpu")]
+const HIGHEST_BIT: u32 = 1 << 31;
 
 /// More entries than the deepest tree can leave on the stack: see [`build`].
 const STACK: usize = 192;

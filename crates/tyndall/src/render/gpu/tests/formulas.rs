@@ -3,7 +3,7 @@
 use glam::Vec3;
 
 use super::super::layout;
-use super::super::shader::{Sampling, Shape, Tilings};
+use super::super::shader::{Sampling, Shape, Sizes, Tilings, Walked};
 use super::super::{Gpu, Options, Resident};
 use crate::math::{Ray, enter_sphere};
 use crate::particles::{Attribute, Columns, Particles, Positions, Radii, Values};
@@ -344,6 +344,6 @@ fn a_scene_of_a_shape_has_the_kernels_of_that_shape() {
     let Some(gpu) = device() else { return };
     let scene = scene(Packing::Bits8, |stream| stream.unit());
     let resident = Resident::load(&gpu, &scene, &()).unwrap();
-    let Shape { packing, levels, .. } = resident.shape();
-    assert_eq!((*packing, *levels), (Packing::Bits8, 4));
+    let Shape { walked, levels, .. } = resident.shape();
+    assert_eq!((*walked, *levels), (Walked::Bvh(Packing::Bits8, Sizes::Log), 4));
 }

@@ -6,7 +6,7 @@ use wgpu::naga::{self, TypeInner, valid};
 
 use super::super::layout;
 use super::super::pages::declare;
-use super::super::shader::{Colors, Sampling, Shape, Sizes, Tiling, Tilings, Walk};
+use super::super::shader::{Colors, HeapWalk, Heaps, Sampling, Shape, Sizes, Tiling, Tilings, Walk, Walked};
 use crate::structure::Packing;
 
 const PACKINGS: [Packing; 4] = [Packing::Exact, Packing::Bits16, Packing::Bits11, Packing::Bits8];
@@ -15,13 +15,24 @@ const COLORS: [Colors; 3] = [Colors::Constant, Colors::Palette, Colors::Direct];
 
 /// A scene's shape with so many pages an array.
 pub(super) fn shape(packing: Packing, sizes: Sizes, colors: Colors, pages: usize) -> Shape {
-    let mut arrays = String::new();
-    let mut binding = 2;
-    for name in ["nodes", "blocks", "sizes", "ids", "colors"] {
-        arrays += &declare(name, binding, pages, 10);
-        binding += pages;
-    }
-    Shape { packing, sizes, colors, levels: 6, arrays }
+    let arrays = arrays(&["nodes", "blocks", "sizes", "ids", "colors"], pages);
+    Shape { walked: Walked::Bvh(packing, sizes), colors, levels: 6, arrays }
+}
+
+/// Declares arrays of so many pages each.
+fn arrays(names: &[&str], pages: usize) -> String {
+    (2..).step_by(pages).zip(names).map(|(binding, name)| declare(name, binding, pages, 10)).collect()
+}
+
+/// Scenes of k-d trees: one, and many under nodes.
+fn shapes_of_heaps(walk: HeapWalk, colors: Colors, pages: usize) -> [Shape; 2] {
+    let heaps = Heaps { upper_levels: 9, walk };
+    let of_one = ["spheres", "heaps", "axes", "ids", "colors"];
+    let of_many = ["spheres", "heaps", "axes", "ids", "nodes", "colors"];
+    [
+        Shape { walked: Walked::Pkd(heaps), colors, levels: 4, arrays: arrays(&of_one, pages) },
+        Shape { walked: Walked::Treelets(heaps), colors, levels: 6, arrays: arrays(&of_many, pages) },
+    ]
 }
 
 /// Parses and validates a shader. Panics with the place of what is wrong.
@@ -52,6 +63,22 @@ fn every_kernel_is_valid_for_every_layout() {
                 }
                 let sampling = Sampling { samples, perspective, tilings: Tilings::of(samples, 0) };
                 validate(&shape.shade(sampling));
+            }
+        }
+    }
+}
+
+#[test]
+fn every_kernel_is_valid_for_every_walk_of_heaps() {
+    for walk in [HeapWalk::ShortStack, HeapWalk::StackFree] {
+        for (colors, pages) in COLORS.into_iter().zip(1..) {
+            for shape in shapes_of_heaps(walk, colors, pages) {
+                validate(&shape.rays());
+                for perspective in [false, true] {
+                    let sampling = Sampling { samples: 4, perspective, tilings: Tilings::of(4, 0) };
+                    validate(&shape.hits(sampling));
+                    validate(&shape.shade(sampling));
+                }
             }
         }
     }
@@ -92,6 +119,9 @@ fn records_stand_where_the_shaders_read_them() {
     assert_eq!(members(&module, "Bvh"), bvh);
     let ray = record!(layout::RayRecord: origin, t_min, direction, t_max);
     assert_eq!(members(&validate(&shape.rays()), "Ray"), ray);
+    let [_, treelets] = shapes_of_heaps(HeapWalk::default(), Colors::Constant, 1);
+    let outline = record!(layout::Outline: particles, slack, unused_0, unused_1);
+    assert_eq!(members(&validate(&treelets.rays()), "Outline"), outline);
 }
 
 #[test]
