@@ -214,7 +214,7 @@ impl Gpu {
     }
 
     /// How many storage buffers a kernel sees.
-    pub(super) fn storage_buffers(&self) -> u64 {
+    pub(crate) fn storage_buffers(&self) -> u64 {
         self.limits.max_storage_buffers_per_shader_stage.into()
     }
 

@@ -23,16 +23,15 @@ pub(super) struct Pages {
 impl Pages {
     /// How many pages `bytes` need of at most `page_bytes`.
     pub(super) fn count(bytes: u64, page_bytes: u64) -> u64 {
-        bytes.div_ceil(ELEMENT_BYTES << shift(page_bytes)).max(1)
+        bytes.div_ceil(ELEMENT_BYTES << shift(page_bytes))
     }
 
-    /// Copies `bytes` to the card. The end is filled up to whole elements; an empty array has one element.
+    /// Copies `bytes` to the card. The end is filled up to whole elements; an empty array has no page.
     pub(super) fn upload(gpu: &Gpu, label: &str, bytes: &[u8], progress: &dyn Progress) -> Result<Self> {
         let shift = shift(gpu.page_bytes());
         let page_bytes = (ELEMENT_BYTES << shift) as usize;
         let mut pages = Self { buffers: Vec::new(), shift };
         let nothing = [0_u8; ELEMENT_BYTES as usize];
-        let bytes = if bytes.is_empty() { &nothing[..] } else { bytes };
         for page in bytes.chunks(page_bytes) {
             let size = (page.len() as u64).next_multiple_of(ELEMENT_BYTES);
             let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST;
@@ -57,7 +56,7 @@ impl Pages {
         Ok(pages)
     }
 
-    /// Declares the pages from `first_binding` on, and the function `name` that reads an element.
+    /// Declares the pages from `first_binding` on, and the function `name` that reads an element; without pages it reads zeros.
     pub(super) fn declare(&self, name: &str, first_binding: usize) -> String {
         declare(name, first_binding, self.buffers.len(), self.shift)
     }
@@ -72,7 +71,9 @@ pub(super) fn declare(name: &str, first_binding: usize, count: usize, shift: u32
         _ = writeln!(text, "@group(1) @binding({binding}) var<storage, read> {name}_{page}: array<vec4u>;");
     }
     _ = writeln!(text, "fn {name}(at: u32) -> vec4u {{");
-    if count > 1 {
+    if count == 0 {
+        _ = writeln!(text, "    return vec4u();\n}}");
+    } else if count > 1 {
         _ = writeln!(text, "    let inside = at & {}u;\n    switch at >> {shift}u {{", (1_u64 << shift) - 1);
         for page in 1..count {
             _ = writeln!(text, "        case {page}u: {{ return {name}_{page}[inside]; }}");
@@ -97,7 +98,7 @@ mod tests {
     fn pages_are_as_large_as_a_binding_may_be() {
         assert_eq!(shift(128 << 20), 23);
         assert_eq!(shift((1 << 31) - 1), 26);
-        assert_eq!(Pages::count(0, 1 << 20), 1);
+        assert_eq!(Pages::count(0, 1 << 20), 0);
         assert_eq!(Pages::count((1 << 20) + 1, 1 << 20), 2);
         assert_eq!(Pages::count(1 << 20, 1 << 20), 1);
     }
