@@ -223,7 +223,7 @@ impl Source {
             Self::File(file) => {
                 let text = matches!(file.format.open, Open::Text { .. }).then_some("text");
                 let notes: Vec<&str> = text.into_iter().chain(file.packing.name()).collect();
-                let title = file.format.title;
+                let title = file.index.title.as_deref().unwrap_or(file.format.title);
                 if notes.is_empty() { title.to_string() } else { format!("{title} ({})", notes.join(", ")) }
             }
         }
@@ -237,6 +237,16 @@ impl FileSource {
         let index = match &format.open {
             Open::Whole(_) => {
                 Index { frames: vec![Span { offset: 0, line: 1, bytes: None }], ..Index::default() }
+            }
+            Open::Binary { index, .. } if packing == Packing::Plain => {
+                index(path, &read::map(path)?, options)?
+            }
+            Open::Binary { index, .. } => {
+                let bytes = read::unpack(path, packing, progress)?;
+                told = file_bytes(path);
+                let index = index(path, &bytes, options)?;
+                content = (keep && bytes.len() as u64 <= SMALL_BYTES).then(|| Arc::new(bytes));
+                index
             }
             Open::Text { index, .. } => {
                 let map;
@@ -276,6 +286,16 @@ impl FileSource {
             }
             Open::Whole(read) => {
                 read(&self.path, &read::unpacked(&self.path, self.packing, progress)?, progress)?
+            }
+            Open::Binary { frame, .. } => {
+                let units = self.index.units.as_deref();
+                let request = Request { options, bytes: span.bytes, units };
+                let read_from = |bytes: &[u8]| frame(&self.path, bytes, span, &request, progress);
+                match self.content() {
+                    Some(content) => read_from(&content)?,
+                    None if self.packing == Packing::Plain => read_from(&read::map(&self.path)?)?,
+                    None => read_from(&read::unpacked(&self.path, self.packing, progress)?)?,
+                }
             }
             Open::Text { frame, .. } => {
                 let read_at = |feed: &mut Feed, bytes: Option<u64>| {

@@ -8,16 +8,14 @@ use std::path::Path;
 
 use rayon::prelude::*;
 use tyndall::particles::{Attribute, Values};
-use tyndall::{Error, Progress, Result};
+use tyndall::{Progress, Result};
 
+use super::cursor::Cursor;
 use super::numbers::{Kind, Order};
 use super::records::{self, Field, Layout, Source};
 use crate::sequence::Frame;
 
-/// Bytes of the header: magic, `V`, version, eight counts.
-const HEADER_BYTES: usize = 4 + 1 + 4 + 8 * 4;
-
-const HINT: &str = "the file is cut off or damaged: write it again, as .bhclassic or .bgeo of version 5";
+const HINT: &str = "if the file is not cut off, write it again as .bhclassic, which is version 5, with numbers and indexed strings only";
 
 /// Whether the file begins like a classic BGEO.
 pub(crate) fn recognise(head: &[u8]) -> bool {
@@ -27,13 +25,13 @@ pub(crate) fn recognise(head: &[u8]) -> bool {
 /// Reads the points.
 pub(crate) fn read(path: &Path, bytes: &[u8], progress: &dyn Progress) -> Result<Frame> {
     progress.begin("read", Some(bytes.len() as u64), "B");
-    let mut cursor = Cursor { path, bytes, place: 0 };
+    let mut cursor = Cursor::new(path, bytes, 0, Order::Big, HINT);
     let header = Header::read(&mut cursor)?;
     let definitions =
         (0..header.point_attributes).map(|_| Definition::read(&mut cursor)).collect::<Result<Vec<_>>>()?;
 
     let values_per_point = 4 + definitions.iter().map(|it| it.components).sum::<usize>();
-    let (points, stride) = (&bytes[cursor.place..], 4 * values_per_point);
+    let (points, stride) = (&bytes[cursor.place()..], 4 * values_per_point);
     let needed = (header.points as usize).checked_mul(stride);
     if needed.is_none_or(|needed| needed > points.len()) {
         return Err(records::truncated(path, header.points.into(), stride, points.len()));
@@ -81,20 +79,14 @@ struct Header {
 
 impl Header {
     fn read(cursor: &mut Cursor) -> Result<Self> {
-        if cursor.bytes.len() < HEADER_BYTES {
-            let what =
-                format!("a header of {HEADER_BYTES} bytes was wanted, {} are there", cursor.bytes.len());
-            return Err(Error::format(cursor.path, "", what, HINT));
-        }
-        cursor.take(5)?;
-        let version = cursor.u32()?;
+        cursor.take(5, "the magic word")?;
+        let version: u32 = cursor.number("the version")?;
         if version != 5 {
-            let what = format!("version 5 was wanted, {version} was found");
-            return Err(Error::format(cursor.path, "byte 5", what, "write the file as .bhclassic"));
+            return Err(cursor.fault(format!("version 5 was wanted, {version} was found")));
         }
         let mut counts = [0; 8];
         for count in &mut counts {
-            *count = cursor.u32()?;
+            *count = cursor.number("a count")?;
         }
         let [points, primitives, _, _, point_attributes, vertex, primitive, detail] = counts;
         let other_attributes = [vertex, primitive, detail].map(u64::from).iter().sum();
@@ -124,25 +116,23 @@ struct Definition {
 
 impl Definition {
     fn read(cursor: &mut Cursor) -> Result<Self> {
-        let begin = cursor.place;
-        let name = cursor.string()?;
-        let components = usize::from(cursor.u16()?);
-        let code = cursor.u32()?;
+        let name = word(cursor)?;
+        let components = usize::from(cursor.number::<u16>("how many components")?);
+        let code: u32 = cursor.number("a type")?;
         let mut names = None;
         match code {
             0 | 1 | 5 => {
-                cursor.take(4 * components)?; // The default value, which no point needs.
+                cursor.take(4 * components, "a default value")?; // The default value, which no point needs.
             }
             4 => {
-                let count = cursor.u32()?;
-                names = Some((0..count).map(|_| cursor.string()).collect::<Result<Vec<_>>>()?);
+                let count: u32 = cursor.number("how many words")?;
+                names = Some((0..count).map(|_| word(cursor)).collect::<Result<Vec<_>>>()?);
             }
             _ => {
                 let what = format!(
                     "attribute '{name}' has type {code}; float 0, integer 1, index 4, vector 5 are known"
                 );
-                let hint = "delete the attribute, or make it an indexed string, and write the file again";
-                return Err(Error::format(cursor.path, format!("byte {begin}"), what, hint));
+                return Err(cursor.fault(what));
             }
         }
         Ok(Self { name, components, is_integer: code == 1 || code == 4, names })
@@ -170,39 +160,10 @@ fn spell_out(attribute: &mut Attribute, mut names: Vec<String>) {
     attribute.values = Values::Text { codes, names };
 }
 
-/// Reads one thing after the other.
-struct Cursor<'a> {
-    path: &'a Path,
-    bytes: &'a [u8],
-    place: usize,
-}
-
-impl<'a> Cursor<'a> {
-    fn take(&mut self, count: usize) -> Result<&'a [u8]> {
-        let rest = &self.bytes[self.place..];
-        let Some(taken) = rest.get(..count) else {
-            let what =
-                format!("an attribute's definition needs {count} more bytes, {} are there", rest.len());
-            return Err(Error::format(self.path, format!("byte {}", self.place), what, HINT));
-        };
-        self.place += count;
-        Ok(taken)
-    }
-
-    fn u16(&mut self) -> Result<u16> {
-        let bytes = self.take(2)?;
-        Ok(u16::from_be_bytes([bytes[0], bytes[1]]))
-    }
-
-    fn u32(&mut self) -> Result<u32> {
-        let bytes = self.take(4)?;
-        Ok(u32::from_be_bytes([bytes[0], bytes[1], bytes[2], bytes[3]]))
-    }
-
-    fn string(&mut self) -> Result<String> {
-        let length = self.u16()?;
-        Ok(String::from_utf8_lossy(self.take(length.into())?).into_owned())
-    }
+/// A word behind its length.
+fn word(cursor: &mut Cursor) -> Result<String> {
+    let length: u16 = cursor.number("the length of a word")?;
+    cursor.text(length.into(), "a word")
 }
 
 #[cfg(test)]
@@ -298,7 +259,7 @@ mod tests {
 
     #[test]
     fn hostile_counts_are_refused() {
-        for place in (9..HEADER_BYTES).step_by(4) {
+        for place in (9..41).step_by(4) {
             let mut file = sample(3);
             file[place..][..4].fill(0xff);
             let result = read(Path::new("test"), &file, &());

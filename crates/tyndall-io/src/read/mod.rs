@@ -5,6 +5,7 @@
 
 mod bgeo;
 mod column;
+mod cursor;
 mod density;
 mod feed;
 mod lammps;
@@ -56,6 +57,19 @@ pub(crate) struct Format {
 pub(crate) enum Open {
     /// The whole content at once, one frame.
     Whole(fn(path: &Path, bytes: &[u8], progress: &dyn Progress) -> Result<Frame>),
+    /// The whole content lies in memory, mapped or unpacked, and has frames.
+    Binary {
+        /// Finds the frames.
+        index: fn(path: &Path, bytes: &[u8], options: &Options) -> Result<Index>,
+        /// Reads the frame at `span`.
+        frame: fn(
+            path: &Path,
+            bytes: &[u8],
+            span: Span,
+            request: &Request,
+            progress: &dyn Progress,
+        ) -> Result<Frame>,
+    },
     /// Text, frame by frame.
     Text {
         /// Finds the frames.
@@ -65,7 +79,7 @@ pub(crate) enum Open {
     },
 }
 
-/// The frames of a text file.
+/// The frames of a file.
 #[derive(Debug, Default)]
 pub(crate) struct Index {
     /// Where the whole frames are.
@@ -74,6 +88,8 @@ pub(crate) struct Index {
     pub(crate) cut: bool,
     /// What the first frame says for all: the unit system.
     pub(crate) units: Option<String>,
+    /// What the format is called in this file, where that says more than [`Format::title`].
+    pub(crate) title: Option<String>,
 }
 
 /// Where a frame is in the unpacked content.
@@ -81,13 +97,13 @@ pub(crate) struct Index {
 pub(crate) struct Span {
     /// Its first byte.
     pub(crate) offset: u64,
-    /// The number of its first line, counted from 1.
+    /// The number of its first line, counted from 1; of a binary file, that of the frame.
     pub(crate) line: u64,
     /// Its size, where it is known.
     pub(crate) bytes: Option<u64>,
 }
 
-/// What a text format's reader is told besides the text.
+/// What a format's reader is told besides the content.
 pub(crate) struct Request<'a> {
     /// What the caller knows better.
     pub(crate) options: &'a Options,
@@ -192,9 +208,14 @@ fn head(path: &Path) -> Result<(Vec<u8>, Packing)> {
 
 /// The whole content of a compressed file. Stage "unpack", in bytes of the file.
 pub(crate) fn unpacked(path: &Path, packing: Packing, progress: &dyn Progress) -> Result<Vec<u8>> {
-    let io = |source| Error::io(path, source);
-    let file = File::open(path).map_err(io)?;
-    progress.begin("unpack", Some(file.metadata().map_err(io)?.len()), "B");
+    let file_bytes = std::fs::metadata(path).map_err(|source| Error::io(path, source))?.len();
+    progress.begin("unpack", Some(file_bytes), "B");
+    unpack(path, packing, progress)
+}
+
+/// The same, within a stage that counts bytes of files.
+pub(crate) fn unpack(path: &Path, packing: Packing, progress: &dyn Progress) -> Result<Vec<u8>> {
+    let file = File::open(path).map_err(|source| Error::io(path, source))?;
     let mut stream = packing.stream(file);
     let mut bytes = Vec::new();
     let mut told = 0;

@@ -49,7 +49,7 @@ impl Kind {
 }
 
 /// A number that can be read from its bytes.
-pub(super) trait Number: Copy {
+pub(crate) trait Number: Copy {
     const SIZE: usize;
     fn from_bytes<const BIG: bool>(bytes: &[u8]) -> Self;
 }

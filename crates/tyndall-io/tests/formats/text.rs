@@ -1,58 +1,13 @@
-//! Text formats through the front door: own fixtures always, the shared real files where they are.
-#![allow(clippy::unwrap_used, reason = "all of this is tests")]
+//! LAMMPS dumps, XYZ and tables: own fixtures always, the shared real files where they are.
 
-use std::io::Write;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::Mutex;
 
 use serde_json::Value;
 use tyndall::{DVec3, Error, Particles, Progress, Values};
-use tyndall_io::{Frame, Options, Sequence};
+use tyndall_io::{Options, Sequence};
 
-fn fixture(name: &str) -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data").join(name)
-}
-
-fn open(path: &Path) -> Sequence {
-    Sequence::open(&[path.to_path_buf()], &Options::default(), &()).unwrap_or_else(|error| panic!("{error}"))
-}
-
-fn frame(sequence: &Sequence, frame: usize) -> Frame {
-    sequence.frame(frame, &()).unwrap_or_else(|error| panic!("{}: {error}", sequence.name(frame)))
-}
-
-/// A folder that is gone when it is dropped.
-struct Folder(PathBuf);
-
-impl Folder {
-    fn new(name: &str) -> Self {
-        let path = std::env::temp_dir().join(format!("tyndall-text-{}-{name}", std::process::id()));
-        std::fs::create_dir_all(&path).unwrap();
-        Self(path)
-    }
-
-    fn file(&self, name: &str, bytes: &[u8]) -> PathBuf {
-        let path = self.0.join(name);
-        std::fs::write(&path, bytes).unwrap();
-        path
-    }
-}
-
-impl Drop for Folder {
-    fn drop(&mut self) {
-        std::fs::remove_dir_all(&self.0).unwrap();
-    }
-}
-
-fn gzip(bytes: &[u8]) -> Vec<u8> {
-    let mut encoder = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::fast());
-    encoder.write_all(bytes).unwrap();
-    encoder.finish().unwrap()
-}
-
-fn zstd(bytes: &[u8]) -> Vec<u8> {
-    ruzstd::encoding::compress_to_vec(bytes, ruzstd::encoding::CompressionLevel::Fastest)
-}
+use super::{Folder, check_frame, fixture, frame, gzip, open, shared, vector, zstd};
 
 #[test]
 fn a_scaled_triclinic_dump_with_image_flags_is_read() {
@@ -355,47 +310,6 @@ fn altered_files_never_panic() {
             println!("seed {seed}: {} frames", sequence.len());
             (0..sequence.len()).for_each(|k| drop(sequence.frame(k, &())));
         }
-    }
-}
-
-/// The expected values of the shared files, if these are there.
-fn shared() -> Option<(PathBuf, Value)> {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data");
-    let Ok(text) = std::fs::read_to_string(folder.join("expected.json")) else {
-        println!("skipped: no shared data at {}", folder.display());
-        return None;
-    };
-    Some((folder, serde_json::from_str(&text).unwrap()))
-}
-
-fn vector(value: &Value) -> DVec3 {
-    DVec3::from_array(std::array::from_fn(|axis| value[axis].as_f64().unwrap()))
-}
-
-/// What must hold of one frame: `expected` has `particles`, `bounds` and maybe more.
-fn check_frame(name: &str, particles: &Particles, expected: &Value) {
-    assert_eq!(particles.len() as u64, expected["particles"].as_u64().unwrap(), "{name}");
-    let [min, max] = ["min", "max"].map(|it| vector(&expected["bounds"][it]));
-    let tolerance = 1e-5 * (max - min).max_element();
-    let near = |what: &str, found: DVec3, wanted: DVec3| {
-        assert!(found.abs_diff_eq(wanted, tolerance), "{name}: {what} is {found}, wanted {wanted}");
-    };
-    let (bounds, origin) = (particles.bounds(), particles.positions().origin());
-    near("min", origin + bounds.min.as_dvec3(), min);
-    near("max", origin + bounds.max.as_dvec3(), max);
-    for (end, place) in [("first", 0), ("last", particles.len() - 1)] {
-        let position = particles.positions().world(place);
-        for key in [format!("{end}_position"), end.to_string()] {
-            let value = &expected[key.as_str()];
-            for wanted in [value, &value["Position"], &value["position"]] {
-                if wanted.as_array().is_some_and(|it| it.len() == 3) {
-                    near(end, position, vector(wanted));
-                }
-            }
-        }
-    }
-    if let Some(step) = expected["timestep"].as_f64().or(expected["timestep_first_frame"].as_f64()) {
-        assert_eq!(particles.time(), Some(step), "{name}");
     }
 }
 
