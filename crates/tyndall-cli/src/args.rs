@@ -40,6 +40,8 @@ pub(crate) enum Verb {
     Render(Box<Render>),
     /// Says what is in a file
     Info(Info),
+    /// Writes particles in another format
+    Convert(Box<Convert>),
     /// Lists what can render: the processor and the graphics cards
     Devices(Devices),
     /// Measures building and rendering on synthetic particles
@@ -391,6 +393,30 @@ pub(crate) struct Info {
     /// Prints one JSON object
     #[arg(long)]
     pub(crate) json: bool,
+    #[command(flatten)]
+    pub(crate) common: Common,
+}
+
+#[derive(Args)]
+pub(crate) struct Convert {
+    #[command(flatten)]
+    pub(crate) input: Input,
+    /// The file; its extension says the format: .xyz .dump .csv .tsv .ply .npy .npz .vtp .mmpld .prt .bgeo .usda .glb. Where
+    /// each frame needs its own file, it has the number in its name: %04d, #### or $F4
+    #[arg(short, long, value_name = "OUT")]
+    pub(crate) output: PathBuf,
+    /// Names of the attributes to write, in order: id,velocity [default: all]
+    #[arg(long, value_name = "NAMES", value_delimiter = ',')]
+    pub(crate) fields: Option<Vec<String>>,
+    /// One frame, counted from 0; -1 is the last
+    #[arg(long, value_name = "N", allow_hyphen_values = true, conflicts_with = "frames")]
+    pub(crate) frame: Option<i64>,
+    /// Frames START:STOP:STEP as in Python, STOP not included [default: all if OUT can hold them, else the first]
+    #[arg(long, value_name = "SLICE", allow_hyphen_values = true)]
+    pub(crate) frames: Option<Slice>,
+    /// Leaves files that are there already
+    #[arg(long)]
+    pub(crate) skip_existing: bool,
     #[command(flatten)]
     pub(crate) common: Common,
 }

@@ -33,6 +33,12 @@ pub(crate) fn known_count(files: &[PathBuf]) -> Outcome<u64> {
 /// Reads a frame and says what is wrong with it.
 pub(crate) fn read(sequence: &Sequence, number: usize, input: &Input, report: &Report) -> Outcome<Frame> {
     let frame = sequence.frame(number, report.progress())?;
+    tell(&sequence.name(number), &frame, input, report)?;
+    Ok(frame)
+}
+
+/// Says what is wrong with the frame called `name`, or refuses it.
+pub(crate) fn tell(name: &str, frame: &Frame, input: &Input, report: &Report) -> tyndall::Result<()> {
     let dropped = frame.particles.dropped();
     if input.on_bad == OnBad::Error && dropped.total() > 0 {
         let all = frame.particles.len() as u64 + dropped.total();
@@ -43,8 +49,7 @@ pub(crate) fn read(sequence: &Sequence, number: usize, input: &Input, report: &R
             grouped(dropped.position as usize),
             grouped(dropped.radius as usize)
         );
-        let path = sequence.name(number);
-        return Err(Error::format(path, "", what, "--on-bad drop leaves them out").into());
+        return Err(Error::format(name, "", what, "--on-bad drop leaves them out"));
     }
     for warning in &frame.warnings {
         match dropped.total() > 0 && warning.starts_with("dropped") {
@@ -52,7 +57,7 @@ pub(crate) fn read(sequence: &Sequence, number: usize, input: &Input, report: &R
             false => report.warn(warning),
         }
     }
-    Ok(frame)
+    Ok(())
 }
 
 /// Says how many of `all` particles that were read in parts are not finite, or refuses them.

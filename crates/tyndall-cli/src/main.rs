@@ -9,6 +9,7 @@ mod bench_density;
 #[cfg(feature = "gpu")]
 mod bench_gpu;
 mod bench_medium;
+mod convert;
 mod culling;
 mod device;
 mod dry_run;
@@ -46,6 +47,7 @@ fn main() -> ExitCode {
     let done = match cli.verb {
         Verb::Render(args) => with(&args.common, |report| render::run(&args, report)),
         Verb::Info(args) => with(&args.common, |report| info::run(&args, report)),
+        Verb::Convert(args) => with(&args.common, |report| convert::run(&args, report)),
         Verb::Devices(args) => with(&args.common, device::list),
         Verb::Bench(args) => with(&args.common, |report| bench::run(&args, report)),
         Verb::Completions { shell } => told(help::completions(shell)),

@@ -7,7 +7,7 @@ use tyndall::Error;
 use crate::args;
 use crate::output::Pattern;
 use crate::report::{Failure, Outcome, Report, counted};
-use crate::values::{Degrees, frame as frame_number};
+use crate::values::{Degrees, Slice, frame as frame_number};
 
 /// One picture to be made.
 pub(crate) struct Picture {
@@ -25,16 +25,7 @@ pub(crate) fn pictures(
     report: &Report,
 ) -> Outcome<Vec<Picture>> {
     let args::Frames { frame, frames, orbit, frame_count, .. } = &args.frames;
-    let chosen = match (frame, frames) {
-        (Some(number), _) => vec![frame_number(*number, count)?],
-        (None, Some(slice)) => slice.of(count),
-        (None, None) if pattern.is_numbered() => (0..count).collect(),
-        (None, None) => vec![0],
-    };
-    if chosen.is_empty() {
-        let allowed = format!("it takes none of the frames 0 to {}", count - 1);
-        return Err(Failure::Usage(format!("--frames takes no frame — {allowed}")));
-    }
+    let chosen = chosen(*frame, frames.as_ref(), pattern.is_numbered(), count)?;
     if frame.is_none() && frames.is_none() && !pattern.is_numbered() && count > 1 {
         report.note(format_args!(
             "note: frame 0 of {count}; --frame N for another, -o NAME.%04d.png for all of them"
@@ -67,6 +58,26 @@ pub(crate) fn pictures(
         Picture { frame, path, turn: angle * place as f64 / pictures as f64 }
     };
     Ok((0..pictures).map(picture).collect())
+}
+
+/// Which of `count` frames are taken: the one, those of the slice, or all if `takes_all`, else the first.
+pub(crate) fn chosen(
+    frame: Option<i64>,
+    frames: Option<&Slice>,
+    takes_all: bool,
+    count: usize,
+) -> Outcome<Vec<usize>> {
+    let chosen = match (frame, frames) {
+        (Some(number), _) => vec![frame_number(number, count)?],
+        (None, Some(slice)) => slice.of(count),
+        (None, None) if takes_all => (0..count).collect(),
+        (None, None) => vec![0],
+    };
+    if chosen.is_empty() {
+        let allowed = format!("it takes none of the frames 0 to {}", count - 1);
+        return Err(Failure::Usage(format!("--frames takes no frame — {allowed}")));
+    }
+    Ok(chosen)
 }
 
 /// Makes the pictures frame by frame with `of_frame`, and counts what failed: a frame that fails does not stop the others.

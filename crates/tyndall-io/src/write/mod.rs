@@ -1,6 +1,7 @@
 //! Pictures to files: the extension says which kind, and a file appears whole or not at all.
 
 mod exr;
+pub mod particles;
 mod png;
 
 use std::fs::{self, File};

@@ -1,6 +1,7 @@
 //! Readers through the front door: own fixtures always, the shared real files where they are.
 #![allow(clippy::unwrap_used, reason = "all of this is tests")]
 
+mod convert;
 mod text;
 
 use std::io::Write;

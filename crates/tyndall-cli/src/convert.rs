@@ -1,0 +1,68 @@
+//! `tyndall convert`: particles to another format.
+
+use std::time::Instant;
+
+use tyndall::Error;
+use tyndall_io::write;
+
+use crate::output::Pattern;
+use crate::report::{Failure, Outcome, Report, bytes, counted, seconds};
+use crate::{args, input, plan, progress};
+
+/// Writes the frames that are asked for: into one file if its format holds them, else each into its own.
+pub(crate) fn run(args: &args::Convert, report: &Report) -> Outcome<()> {
+    let pattern = Pattern::new(&args.output);
+    let holds_frames = write::particles::holds_frames(&pattern.name(0)).map_err(Failure::Output)?;
+    let sequence = input::open(&args.input, report)?;
+    let takes_all = pattern.is_numbered() || holds_frames;
+    let chosen = plan::chosen(args.frame, args.frames.as_ref(), takes_all, sequence.len())?;
+    if !takes_all && args.frame.is_none() && args.frames.is_none() && sequence.len() > 1 {
+        report.note(format_args!(
+            "note: frame 0 of {}; --frame N for another, -o NAME.%04d.EXT for all of them",
+            sequence.len()
+        ));
+    }
+    let files: Vec<&[usize]> = if pattern.is_numbered() { chosen.chunks(1).collect() } else { vec![&chosen] };
+    for frames in files {
+        let path = pattern.name(frames[0]);
+        let is_read = path.canonicalize().is_ok_and(|place| {
+            sequence.paths().iter().any(|it| it.canonicalize().is_ok_and(|it| it == place))
+        });
+        if is_read {
+            let allowed = "another file: this one is being read";
+            return Err(Error::setting("-o", path.display(), allowed).into());
+        }
+        if args.skip_existing && path.exists() {
+            report.note(format_args!("note: {} is there already", path.display()));
+            continue;
+        }
+        let start = Instant::now();
+        let mut particles = 0;
+        let notes = write::particles::particles(&path, args.fields.as_deref(), frames.len(), |place| {
+            if progress::stopped() {
+                return Err(Error::Interrupted);
+            }
+            let frame = sequence.frame(frames[place], report.progress())?;
+            input::tell(&sequence.name(frames[place]), &frame, &args.input, report)?;
+            particles += frame.particles.len();
+            Ok(frame.particles)
+        })
+        .map_err(|error| match error {
+            Error::Interrupted => Failure::Interrupted("nothing written".into()),
+            Error::Io { path: ref of, .. } if *of == path => Failure::Output(error),
+            error => Failure::Library(error),
+        })?;
+        for note in notes {
+            report.warn(&note);
+        }
+        let size = bytes(std::fs::metadata(&path).map_or(0, |it| it.len()));
+        report.note(format_args!(
+            "{}  {} · {} · {size} · {}",
+            path.display(),
+            counted(particles, "particle"),
+            counted(frames.len(), "frame"),
+            seconds(start.elapsed().as_secs_f64())
+        ));
+    }
+    Ok(())
+}

@@ -1,0 +1,125 @@
+//! A frame as its writers see it: positions, and the attributes that were asked for.
+
+use tyndall::particles::{Attribute, Radii, Values};
+use tyndall::{DVec3, Error, Particles, Result};
+
+/// See the module.
+pub(super) struct Snapshot<'a> {
+    pub(super) particles: &'a Particles,
+    pub(super) attributes: Vec<&'a Attribute>,
+}
+
+/// Names of three attributes, or of one with three components, that are the particles' color.
+const COLORS: [[&str; 3]; 2] = [["red", "green", "blue"], ["r", "g", "b"]];
+const COLOR_VECTORS: [&str; 4] = ["Cd", "color", "colour", "rgb"];
+
+impl<'a> Snapshot<'a> {
+    /// All attributes, or those that are named. Fails with [`Error::Setting`] if there is none of a name.
+    pub(super) fn new(particles: &'a Particles, fields: Option<&[String]>) -> Result<Self> {
+        let attributes = match fields {
+            None => particles.attributes().iter().collect(),
+            Some(names) => names
+                .iter()
+                .map(|name| {
+                    particles.attribute(name).ok_or_else(|| {
+                        let known: Vec<&str> =
+                            particles.attributes().iter().map(|it| it.name.as_str()).collect();
+                        Error::setting("--fields", name, format!("the file has: {}", known.join(" ")))
+                    })
+                })
+                .collect::<Result<_>>()?,
+        };
+        Ok(Self { particles, attributes })
+    }
+
+    /// How many particles.
+    pub(super) fn len(&self) -> usize {
+        self.particles.len()
+    }
+
+    /// Where particle `id` is, in the coordinates of the file.
+    pub(super) fn position(&self, id: usize) -> DVec3 {
+        self.particles.positions().world(id)
+    }
+
+    /// The attribute of one of these names that is written, the first name first.
+    pub(super) fn named(&self, names: &[&str]) -> Option<&'a Attribute> {
+        let of = |name: &&str| self.attributes.iter().find(|it| it.name.eq_ignore_ascii_case(name)).copied();
+        names.iter().find_map(of)
+    }
+
+    /// Whether 32-bit floats hold the positions as well as they are known: not if they lie far from zero beside their spread.
+    pub(super) fn fits_f32(&self) -> bool {
+        let positions = self.particles.positions();
+        let bounds = self.particles.bounds();
+        let farthest = |axis: usize| {
+            let (low, high) = (f64::from(bounds.min[axis]), f64::from(bounds.max[axis]));
+            let origin = positions.origin()[axis];
+            (low.abs().max(high.abs()), (origin + low).abs().max((origin + high).abs()))
+        };
+        self.len() == 0
+            || (0..3).map(farthest).all(|(offset, world)| world <= 4.0 * offset || world < f64::MIN_POSITIVE)
+            || positions.origin() == DVec3::ZERO
+    }
+
+    /// The radius of particle `id`, if the particles have one.
+    pub(super) fn radius(&self, id: usize) -> Option<f32> {
+        self.particles.radii().map(|radii| self.particles.radius(radii, id))
+    }
+
+    /// The radius that all share, if they do.
+    pub(super) fn uniform_radius(&self) -> Option<f32> {
+        match self.particles.radii() {
+            Some(Radii::Uniform(radius)) => Some(*radius),
+            _ => None,
+        }
+    }
+
+    /// Whether an attribute is where the radii come from.
+    pub(super) fn is_radius(&self, attribute: &Attribute) -> bool {
+        let Some(Radii::PerParticle { attribute: place, .. }) = self.particles.radii() else { return false };
+        std::ptr::eq(&self.particles.attributes()[*place], attribute)
+    }
+
+    /// The color of each particle, 0 to 1, sRGB or whatever the file has; none if it has none.
+    pub(super) fn colors(&self) -> Option<impl Fn(usize) -> [f32; 3] + Sync + use<'a>> {
+        let find = |name: &str, components: usize| {
+            self.attributes
+                .iter()
+                .copied()
+                .find(|it| it.components == components && it.name.eq_ignore_ascii_case(name))
+                .filter(|it| !matches!(it.values, Values::Text { .. }))
+        };
+        let three = COLORS.iter().find_map(|names| {
+            let [Some(red), Some(green), Some(blue)] = names.map(|name| find(name, 1)) else { return None };
+            Some([(red, 0), (green, 0), (blue, 0)])
+        });
+        let one = || {
+            let vector = COLOR_VECTORS.iter().find_map(|name| find(name, 3))?;
+            Some([(vector, 0), (vector, 1), (vector, 2)])
+        };
+        let channels = three.or_else(one)?;
+        Some(move |id: usize| {
+            channels.map(|(attribute, component)| {
+                let value = attribute.number(id, component) as f32;
+                if attribute.values.is_discrete() { value / 255.0 } else { value }
+            })
+        })
+    }
+}
+
+/// Names of the components of an attribute, each a column of its own: `velocity` becomes `vx vy vz`.
+pub(super) fn component_names(attribute: &Attribute) -> Vec<String> {
+    const SHORT: [(&str, &str); 6] =
+        [("velocity", "v"), ("vel", "v"), ("v", "v"), ("force", "f"), ("forces", "f"), ("normal", "n")];
+    let name = &attribute.name;
+    let short = SHORT.iter().find(|(long, _)| name.eq_ignore_ascii_case(long));
+    match (attribute.components, short) {
+        (1, _) => vec![name.clone()],
+        (3, Some((_, short))) => ["x", "y", "z"].map(|axis| format!("{short}{axis}")).to_vec(),
+        (2 | 3, _) => {
+            ["x", "y", "z"][..attribute.components].iter().map(|axis| format!("{name}_{axis}")).collect()
+        }
+        (count, _) => (0..count).map(|component| format!("{name}_{component}")).collect(),
+    }
+}

@@ -1,0 +1,144 @@
+//! USD points, as text.
+
+use std::io::{self, Write};
+
+use tyndall::particles::{Attribute, Values};
+
+use super::snapshot::Snapshot;
+use super::{Out, Place, rows, text};
+
+/// Metres of the units of length that files name.
+const METRES: [(&str, f64); 7] =
+    [("Å", 1e-10), ("nm", 1e-9), ("µm", 1e-6), ("mm", 1e-3), ("cm", 1e-2), ("m", 1.0), ("km", 1e3)];
+
+/// Writes the file: a `Points` prim with widths, ids, velocities and colors where the particles have them, other numbers as primvars.
+pub(super) fn write(out: &mut dyn Out, snapshot: &Snapshot, place: &mut Place) -> io::Result<()> {
+    let particles = snapshot.particles;
+    if particles.cell().is_some() || particles.time().is_some() {
+        place.note("USD points have no place for cell and time: they are left out");
+    }
+    let metres = METRES.iter().find(|(unit, _)| Some(*unit) == particles.length_unit());
+    let unit = metres.map_or(String::new(), |(_, metres)| format!("    metersPerUnit = {metres:e}\n"));
+    write!(
+        out,
+        "#usda 1.0\n(\n    defaultPrim = \"particles\"\n{unit}    upAxis = \"Z\"\n)\n\ndef Points \"particles\"\n{{\n"
+    )?;
+    // Points are 32-bit floats: what lies far from zero is moved there.
+    let origin = if snapshot.fits_f32() { tyndall::DVec3::ZERO } else { particles.positions().origin() };
+    if origin != tyndall::DVec3::ZERO {
+        let [x, y, z] = origin.to_array();
+        writeln!(
+            out,
+            "    double3 xformOp:translate = ({x}, {y}, {z})\n    uniform token[] xformOpOrder = [\"xformOp:translate\"]"
+        )?;
+    }
+    array(out, snapshot.len(), "point3f[] points", |line, id| {
+        tuple(line, (snapshot.position(id) - origin).to_array().map(|it| it as f32));
+    })?;
+    if particles.radii().is_some() {
+        array(out, snapshot.len(), "float[] widths", |line, id| {
+            text::number(line, f64::from(2.0 * snapshot.radius(id).unwrap_or_default()));
+        })?;
+    }
+    let colors = snapshot.colors();
+    if let Some(colors) = &colors {
+        array(out, snapshot.len(), "color3f[] primvars:displayColor", |line, id| {
+            tuple(line, colors(id).map(linear))
+        })?;
+        writeln!(out, "    uniform token primvars:displayColor:interpolation = \"vertex\"")?;
+    }
+    let id = snapshot.named(&["id"]).filter(|it| matches!(it.values, Values::I32(_) | Values::I64(_)));
+    let velocity = snapshot.named(&["velocity", "vel", "v"]).filter(|it| it.components == 3);
+    for attribute in &snapshot.attributes {
+        let is = |other: Option<&Attribute>| other.is_some_and(|it| std::ptr::eq(it, *attribute));
+        if snapshot.is_radius(attribute) {
+            continue;
+        }
+        let name = match (is(id), is(velocity)) {
+            (true, _) => "int64[] ids".to_string(),
+            (_, true) => "vector3f[] velocities".to_string(),
+            _ => format!("{} primvars:{}", primvar(attribute), identifier(&attribute.name)),
+        };
+        array(out, snapshot.len(), &name, |line, id| {
+            let component = |line: &mut Vec<u8>, component: usize| {
+                text::value(line, attribute, id, component, |line, word| {
+                    line.extend(format!("\"{}\"", word.replace('\\', "\\\\").replace('"', "\\\"")).bytes());
+                });
+            };
+            if !(2..=4).contains(&attribute.components) {
+                for place in 0..attribute.components {
+                    if place > 0 {
+                        line.extend(b", ");
+                    }
+                    component(line, place);
+                }
+                return;
+            }
+            for place in 0..attribute.components {
+                line.extend(if place == 0 { b"(".as_slice() } else { b", ".as_slice() });
+                component(line, place);
+            }
+            line.push(b')');
+        })?;
+        if name.contains("primvars:") {
+            let name = identifier(&attribute.name);
+            writeln!(out, "    uniform token primvars:{name}:interpolation = \"vertex\"")?;
+            if attribute.components > 4 {
+                writeln!(out, "    int primvars:{name}:elementSize = {}", attribute.components)?;
+            }
+        }
+    }
+    out.write_all(b"}\n")
+}
+
+/// `    type name = [a, b, ...]`
+fn array(
+    out: &mut dyn Out,
+    count: usize,
+    name: &str,
+    element: impl Fn(&mut Vec<u8>, usize) + Sync,
+) -> io::Result<()> {
+    write!(out, "    {name} = [")?;
+    rows::write_fixed(out, count, |line, id| {
+        if id > 0 {
+            line.extend(if id.is_multiple_of(8) { b",\n        ".as_slice() } else { b", ".as_slice() });
+        }
+        element(line, id);
+    })?;
+    out.write_all(b"]\n")
+}
+
+fn tuple(line: &mut Vec<u8>, values: [f32; 3]) {
+    for (place, value) in values.into_iter().enumerate() {
+        line.extend(if place == 0 { b"(".as_slice() } else { b", ".as_slice() });
+        // Writing to a vector cannot fail.
+        _ = write!(line, "{value:?}");
+    }
+    line.push(b')');
+}
+
+/// USD's type of an array.
+fn primvar(attribute: &Attribute) -> String {
+    let scalar = match attribute.values {
+        Values::F32(_) => "float",
+        Values::F64(_) => "double",
+        Values::I32(_) | Values::U8(_) => "int",
+        Values::I64(_) => "int64",
+        Values::Text { .. } => "string",
+    };
+    match (attribute.components, scalar) {
+        (count @ 2..=4, "float" | "double" | "int") => format!("{scalar}{count}[]"),
+        _ => format!("{scalar}[]"),
+    }
+}
+
+/// A name of letters, digits and underscores that begins with none of the digits.
+fn identifier(name: &str) -> String {
+    let name: String = name.chars().map(|it| if it.is_ascii_alphanumeric() { it } else { '_' }).collect();
+    if name.starts_with(|it: char| it.is_ascii_alphabetic() || it == '_') { name } else { format!("_{name}") }
+}
+
+/// Display colors are linear.
+fn linear(value: f32) -> f32 {
+    tyndall::srgb::linear_from_encoded(value)
+}

@@ -1,0 +1,77 @@
+//! Extended XYZ, as libAtoms, ASE and OVITO read it.
+
+use std::io;
+
+use tyndall::particles::Values;
+
+use super::snapshot::Snapshot;
+use super::{Out, Place, text};
+
+/// Appends a frame.
+pub(super) fn write(out: &mut dyn Out, snapshot: &Snapshot, place: &mut Place) -> io::Result<()> {
+    let particles = snapshot.particles;
+    writeln!(out, "{}", snapshot.len())?;
+    let mut comment = String::new();
+    if let Some(cell) = particles.cell() {
+        let numbers: Vec<String> =
+            cell.vectors.iter().flat_map(|it| it.to_array()).map(|it| it.to_string()).collect();
+        comment += &format!("Lattice=\"{}\" ", numbers.join(" "));
+        let [x, y, z] = cell.origin.to_array();
+        if [x, y, z] != [0.0; 3] {
+            comment += &format!("Origin=\"{x} {y} {z}\" ");
+        }
+        let flags = cell.periodic.map(|it| if it { "T" } else { "F" });
+        comment += &format!("pbc=\"{}\" ", flags.join(" "));
+    }
+    // Where there is an element, programs look for it in front.
+    let element = snapshot.named(&["element", "species", "type_name"]);
+    let element = element.filter(|it| it.components == 1 && matches!(it.values, Values::Text { .. }));
+    let others: Vec<_> = snapshot
+        .attributes
+        .iter()
+        .copied()
+        .filter(|it| element.is_none_or(|element| !std::ptr::eq(element, *it)))
+        .collect();
+    comment += if element.is_some() { "Properties=species:S:1:pos:R:3" } else { "Properties=pos:R:3" };
+    for attribute in &others {
+        let kind = match attribute.values {
+            Values::F32(_) | Values::F64(_) => 'R',
+            Values::I32(_) | Values::I64(_) | Values::U8(_) => 'I',
+            Values::Text { .. } => 'S',
+        };
+        let name = text::plain_name(&attribute.name, &[':', '=', '"']);
+        comment += &format!(":{name}:{kind}:{}", attribute.components);
+    }
+    if let Some(time) = particles.time() {
+        comment += &format!(" Time={time}");
+    }
+    writeln!(out, "{comment}")?;
+    for attribute in others.iter().chain(&element).filter(|it| text::is_changed_between_blanks(it)) {
+        place.note(format!("'{}': blanks in words are written as _, empty words as -", attribute.name));
+    }
+    if particles.length_unit().is_some_and(|unit| unit != "Å") {
+        place.note(format!(
+            "lengths are in {}; readers of XYZ take them for Å",
+            particles.length_unit().unwrap_or_default()
+        ));
+    }
+    text::rows(out, particles.positions(), |line, id, coordinates| {
+        if let Some(element) = element {
+            text::value(line, element, id, 0, text::between_blanks);
+            line.push(b' ');
+        }
+        for axis in 0..3 {
+            if axis > 0 {
+                line.push(b' ');
+            }
+            coordinates.push(line, id, axis);
+        }
+        for attribute in &others {
+            for component in 0..attribute.components {
+                line.push(b' ');
+                text::value(line, attribute, id, component, text::between_blanks);
+            }
+        }
+        line.push(b'\n');
+    })
+}
