@@ -82,7 +82,7 @@ pub(crate) struct Input {
     /// Files, as one sequence in this order; or synthetic:NAME?n=COUNT
     #[arg(required = true, value_name = "FILE", help_heading = None)]
     pub(crate) files: Vec<PathBuf>,
-    /// Format, instead of recognising it: lammps xyz ply npy bgeo csv
+    /// Format, instead of recognising it: lammps xyz ply npy bgeo geo prt ptc pda mmpld vtk csv
     #[arg(long, value_name = "NAME")]
     pub(crate) format: Option<String>,
     /// Names of the columns of a table, in order: id,type,x,y,z

@@ -144,7 +144,7 @@ impl Definition {
 }
 
 /// Makes words of the integers of an attribute. One outside of the table means no word: the empty one.
-fn spell_out(attribute: &mut Attribute, mut names: Vec<String>) {
+pub(super) fn spell_out(attribute: &mut Attribute, mut names: Vec<String>) {
     let Values::I32(places) = &attribute.values else { return };
     let known = names.len();
     let is_known = |place: &i32| usize::try_from(*place).is_ok_and(|place| place < known);

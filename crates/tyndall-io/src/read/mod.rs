@@ -8,11 +8,16 @@ mod column;
 mod cursor;
 mod density;
 mod feed;
+mod geo;
 mod lammps;
 mod map;
+mod mmpld;
 pub(crate) mod npy;
 mod numbers;
+mod pda;
 mod ply;
+mod prt;
+mod ptc;
 #[cfg(test)]
 mod real_data;
 mod records;
@@ -21,6 +26,7 @@ mod sky;
 mod table;
 mod unpack;
 mod unreadable;
+mod vtk;
 mod xyz;
 
 use std::fs::File;
@@ -144,6 +150,42 @@ pub(crate) const FORMATS: &[Format] = &[
         title: "BGEO (classic)",
         recognise: |head, _| bgeo::recognise(head),
         open: Open::Whole(bgeo::read),
+    },
+    Format {
+        names: &["geo"],
+        title: "Houdini GEO",
+        recognise: |head, _| geo::recognise(head),
+        open: Open::Whole(geo::read),
+    },
+    Format {
+        names: &["prt"],
+        title: "Krakatoa PRT",
+        recognise: |head, _| prt::recognise(head),
+        open: Open::Binary { index: prt::index, frame: prt::frame },
+    },
+    Format {
+        names: &["ptc"],
+        title: "PTC",
+        recognise: |head, _| ptc::recognise(head),
+        open: Open::Whole(ptc::read),
+    },
+    Format {
+        names: &["pda"],
+        title: "Maya PDA",
+        recognise: |head, _| pda::recognise(head),
+        open: Open::Text { index: pda::index, frame: pda::frame },
+    },
+    Format {
+        names: &["mmpld"],
+        title: "MegaMol MMPLD",
+        recognise: |head, _| mmpld::recognise(head),
+        open: Open::Binary { index: mmpld::index, frame: mmpld::frame },
+    },
+    Format {
+        names: &["vtk", "vtp", "vtu", "pvtp", "pvtu", "pvd", "series"],
+        title: "VTK",
+        recognise: |head, _| vtk::recognise(head),
+        open: Open::Binary { index: vtk::index, frame: vtk::frame },
     },
     Format {
         names: &["csv", "tsv", "table", "txt"],

@@ -64,7 +64,7 @@ fn differs(particles: &Particles, expected: &Value) -> std::result::Result<(), S
             let axis = ["x", "y", "z"].iter().position(|axis| axis == name);
             if let Some(axis) = axis {
                 close(name, world[axis], value.as_f64().unwrap(), size)?;
-            } else if name == "position" {
+            } else if name.eq_ignore_ascii_case("position") {
                 for (found, wanted) in world.into_iter().zip(numbers(value)) {
                     close(name, found, wanted, size)?;
                 }

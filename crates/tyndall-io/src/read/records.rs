@@ -142,33 +142,7 @@ impl Layout<'_> {
 
     /// Brings all values into columns, parallel, and advances `progress` by `total_bytes` over it.
     pub(crate) fn gather(&self, path: &Path, total_bytes: usize, progress: &dyn Progress) -> Result<Builder> {
-        self.check(path)?;
-        let head: Vec<DVec3> = (0..self.count.min(ORIGIN_COUNT))
-            .map(|id| DVec3::from_array(self.axes.map(|axis| axis.map_or(0.0, |source| source.number(id)))))
-            .collect();
-        let columns = self.fields.iter().map(|field| {
-            let exceeds = field.source.exceeds_i64(self.count, field.components);
-            let kind = if exceeds { Kind::F64 } else { field.source.kind };
-            (field.name.clone(), field.components, kind)
-        });
-        let mut builder = Builder::new(self.count, &head, columns);
-
-        let starts = (0..self.count).step_by(JOB_ROWS);
-        let rows: Vec<usize> = starts.clone().map(|start| JOB_ROWS.min(self.count - start)).collect();
-        let jobs: Vec<_> = starts.zip(builder.split(&rows)).collect();
-        jobs.into_par_iter().try_for_each(|(start, mut slots)| {
-            if progress.cancelled() {
-                return Err(Error::Interrupted);
-            }
-            let rows = JOB_ROWS.min(self.count - start);
-            for first in (0..rows).step_by(CACHE_ROWS) {
-                self.fill(&mut slots, start, first..rows.min(first + CACHE_ROWS));
-            }
-            let share = |row: usize| (row as u128 * total_bytes as u128 / self.count as u128) as u64;
-            progress.advance(share(start + rows) - share(start));
-            Ok(())
-        })?;
-        Ok(builder)
+        join(path, std::slice::from_ref(self), total_bytes, progress)
     }
 
     /// Fills rows `rows` of the slots, which begin at particle `start`.
@@ -183,6 +157,64 @@ impl Layout<'_> {
             slot.fill(&field.source, start, field.components, rows.clone());
         }
     }
+}
+
+/// Brings the values of pieces that follow each other into columns, parallel, and advances `progress` by `total_bytes` over it. All
+/// pieces have the first one's fields; where kinds differ the column is of 64-bit floats.
+pub(crate) fn join(
+    path: &Path,
+    pieces: &[Layout],
+    total_bytes: usize,
+    progress: &dyn Progress,
+) -> Result<Builder> {
+    for piece in pieces {
+        piece.check(path)?;
+    }
+    let Some(model) = pieces.first() else { return Ok(Builder::new(0, &[], [])) };
+    let count = pieces.iter().map(|it| it.count).sum();
+    let position =
+        |axes: &[Option<Source>; 3], id| axes.map(|axis| axis.map_or(0.0, |source| source.number(id)));
+    let head: Vec<DVec3> = pieces
+        .iter()
+        .flat_map(|it| (0..it.count).map(|id| DVec3::from_array(position(&it.axes, id))))
+        .take(ORIGIN_COUNT)
+        .collect();
+    let columns = model.fields.iter().enumerate().map(|(place, field)| {
+        let kind = field.source.kind;
+        let narrow = |piece: &Layout| {
+            let Field { components, source, .. } = &piece.fields[place];
+            source.kind == kind && !source.exceeds_i64(piece.count, *components)
+        };
+        let kind = if pieces.iter().all(narrow) { kind } else { Kind::F64 };
+        (field.name.clone(), field.components, kind)
+    });
+    let mut builder = Builder::new(count, &head, columns);
+
+    let jobs = pieces.iter().flat_map(|piece| {
+        (0..piece.count).step_by(JOB_ROWS).map(move |start| (piece, start, JOB_ROWS.min(piece.count - start)))
+    });
+    let rows: Vec<usize> = jobs.clone().map(|(_, _, rows)| rows).collect();
+    let jobs: Vec<_> = jobs.zip(builder.split(&rows)).collect();
+    let share = |rows: usize| (rows as u128 * total_bytes as u128 / count as u128) as u64;
+    let before: Vec<usize> = rows
+        .iter()
+        .scan(0, |before, rows| {
+            *before += rows;
+            Some(*before - rows)
+        })
+        .collect();
+    let jobs = jobs.into_par_iter().zip(before);
+    jobs.try_for_each(|(((piece, start, rows), mut slots), before)| {
+        if progress.cancelled() {
+            return Err(Error::Interrupted);
+        }
+        for first in (0..rows).step_by(CACHE_ROWS) {
+            piece.fill(&mut slots, start, first..rows.min(first + CACHE_ROWS));
+        }
+        progress.advance(share(before + rows) - share(before));
+        Ok(())
+    })?;
+    Ok(builder)
 }
 
 /// The columns while they are filled.

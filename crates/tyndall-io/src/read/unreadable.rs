@@ -8,8 +8,6 @@ use tyndall::Error;
 
 use super::whole_lines;
 
-/// Programs that store particles.
-const EXPORT: &str = "export the particles as PLY, NPY, CSV or a LAMMPS dump";
 /// Programs of molecular dynamics.
 const MOLECULES: &str = "convert it to extended XYZ or a LAMMPS dump, for example with OVITO, ASE or VMD";
 /// Point clouds.
@@ -68,14 +66,16 @@ const KNOWN: &[Known] = &[
         is: is_tipsy,
         way_out: "read it with pynbody and save the columns with numpy.savez",
     },
-    Known { name: "VTK XML", is: |head| head_has(head, b"<VTKFile"), way_out: PARAVIEW },
-    Known { name: "legacy VTK", is: |head| head.starts_with(b"# vtk DataFile"), way_out: PARAVIEW },
     Known { name: "XDMF", is: |head| head_has(head, b"<Xdmf"), way_out: PARAVIEW },
-    Known { name: "Krakatoa PRT", is: |head| head.starts_with(b"\xc0PRT\r\n\x1a\n"), way_out: EFFECTS },
     Known {
-        name: "MegaMol MMPLD",
-        is: |head| head.starts_with(b"MMPLD\0") || head.starts_with(b"MMSPD"),
-        way_out: EXPORT,
+        name: "Krakatoa PRT 2 or SPRT",
+        is: super::prt::is_later,
+        way_out: "save it as PRT 1 in Krakatoa or Stoke, or export the points as PLY",
+    },
+    Known {
+        name: "MegaMol MMSPD",
+        is: |head| head.starts_with(b"MMSPD"),
+        way_out: "save it as MMPLD with MegaMol",
     },
     Known { name: "LAS or LAZ", is: |head| head.starts_with(b"LASF"), way_out: POINTS },
     Known { name: "E57", is: |head| head.starts_with(b"ASTM-E57"), way_out: POINTS },
@@ -85,7 +85,6 @@ const KNOWN: &[Known] = &[
         is: is_pts,
         way_out: "delete the first line and read the rest with --columns x,y,z,…",
     },
-    Known { name: "Houdini text GEO", is: |head| head.starts_with(b"PGEOMETRY"), way_out: EFFECTS },
     Known { name: "Houdini JSON geometry (since version 12)", is: is_houdini_json, way_out: EFFECTS },
     Known { name: "Houdini blosc (.sc)", is: |head| head.starts_with(b"scf1"), way_out: EFFECTS },
     Known { name: "Alembic", is: |head| head.starts_with(b"Ogawa"), way_out: EFFECTS },
@@ -99,7 +98,6 @@ const KNOWN: &[Known] = &[
         is: |head| head.starts_with(b" BDV"),
         way_out: "give the particles, not the grid",
     },
-    Known { name: "Partio PDA", is: |head| head.starts_with(b"ATTRIBUTES"), way_out: EFFECTS },
     Known {
         name: "Parquet",
         is: |head| head.starts_with(b"PAR1"),
@@ -251,7 +249,7 @@ mod tests {
             (gro, "GRO"),
             (b"# comment\n\n 12 atoms\n", "LAMMPS data"),
             (b"5\n0 0 0 9\n1 0 0 9\n", "PTS"),
-            (b"\xc0PRT\r\n\x1a\n", "PRT"),
+            (b"\xc0PRT2\r\n\x1a", "PRT 2"),
             (b"[\n\t\"fileversion\",\"18\"", "Houdini JSON"),
         ];
         for (head, name) in cases {

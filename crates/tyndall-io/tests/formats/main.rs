@@ -2,6 +2,7 @@
 #![allow(clippy::unwrap_used, reason = "all of this is tests")]
 
 mod convert;
+mod effects;
 mod text;
 
 use std::io::Write;
@@ -98,7 +99,6 @@ fn check_frame(name: &str, particles: &Particles, expected: &Value) {
 }
 
 /// Opens a shared file, compares all its frames with what is expected, and gives it back with that; `None` if the files are not there.
-#[expect(dead_code, reason = "binary formats follow")]
 fn check_shared(name: &str) -> Option<(Sequence, Value)> {
     let (folder, all) = shared()?;
     let expected = all["files"][name]["expected"].clone();
@@ -121,7 +121,6 @@ fn check_shared(name: &str) -> Option<(Sequence, Value)> {
 
 /// Cuts a file at fifty places: each must give an error, or its whole frames with a warning that says so, never a part in silence.
 /// `name` has the file's own extension.
-#[expect(dead_code, reason = "binary formats follow")]
 fn check_truncated(name: &str, bytes: &[u8]) {
     let folder = Folder::new(&format!("cut-{name}"));
     let whole = open(&folder.file(name, bytes));
