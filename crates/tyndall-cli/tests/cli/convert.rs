@@ -14,7 +14,12 @@ fn frames_go_into_one_file_or_into_many() {
     assert!(info.contains("5 particles") && info.contains("c_pe") && !info.contains("type"), "{info}");
     let told = folder.line("convert a.xyz -o d.csv").fine();
     assert!(told.contains("note: frame 0 of 2; --frame N for another, -o NAME.%04d.EXT for all"), "{told}");
-    assert!(folder.line("convert a.xyz -o d.csv --frame 1 --skip-existing").fine().contains("d.csv is there already"));
+    assert!(
+        folder
+            .line("convert a.xyz -o d.csv --frame 1 --skip-existing")
+            .fine()
+            .contains("d.csv is there already")
+    );
     assert!(folder.line("info d.csv").out.contains("3 particles"));
     folder.line("convert a.xyz -o e.xyz --frames -1:").fine();
     assert!(folder.line("info e.xyz").out.contains("1 frame · 5 particles"));
@@ -26,7 +31,9 @@ fn what_cannot_be_converted_says_why_and_writes_nothing() {
     folder.file("a.xyz", line_of(3) + &line_of(5));
     folder.line("convert a.xyz -o b.doc").fails(2, &["-o cannot be 'b.doc'", "known: .xyz .dump .csv"]);
     folder.line("convert a.xyz -o a.xyz").fails(2, &["this one is being read"]);
-    folder.line("convert a.xyz -o b.csv --fields speed").fails(2, &["--fields cannot be 'speed'", "species c_pe"]);
+    folder
+        .line("convert a.xyz -o b.csv --fields speed")
+        .fails(2, &["--fields cannot be 'speed'", "species c_pe"]);
     folder.line("convert a.xyz -o b.csv --frame 7").fails(2, &["--frame cannot be '7'"]);
     folder.line("convert a.xyz -o b.ply --frames 0:2").fails(2, &["holds one frame, not 2"]);
     folder.line("convert none.xyz -o b.csv").fails(3, &["none.xyz"]);

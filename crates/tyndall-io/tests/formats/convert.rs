@@ -9,7 +9,7 @@ use tyndall_io::write;
 use super::{Folder, fixture, frame, open};
 
 /// Formats that are written and read, by their extensions.
-const FORMATS: [&str; 8] = ["xyz", "dump", "csv", "tsv", "ply", "npy", "npz", "bgeo"];
+const FORMATS: [&str; 10] = ["xyz", "dump", "csv", "tsv", "ply", "npy", "npz", "vtp", "prt", "bgeo"];
 
 /// Particles with all types of columns.
 fn sample(count: usize, center: DVec3) -> Particles {
@@ -49,7 +49,7 @@ fn convert(particles: &Particles, path: &Path) -> Particles {
 /// All numbers and codes of words, a column a component.
 fn columns(particles: &Particles) -> Vec<(String, Vec<f64>)> {
     let of = |attribute: &Attribute| {
-        let name = match attribute.name.as_str() {
+        let name = match attribute.name.to_ascii_lowercase().as_str() {
             "velocity" if attribute.components == 3 => "v".to_string(),
             // Where formats have a name of their own.
             "species" => "element".to_string(),
@@ -79,7 +79,9 @@ fn check_same(what: &str, wanted: &Particles, found: &Particles) {
         assert!(a.abs_diff_eq(b, tolerance), "{what}: particle {id} at {b}, not {a}");
     }
     let found_columns = columns(found);
-    for (name, values) in columns(wanted) {
+    // VTK's arrays of words are written, and not read.
+    let is_read = |name: &str| !(what.contains("vtp") && name == "element");
+    for (name, values) in columns(wanted).into_iter().filter(|(name, _)| is_read(name)) {
         let same = found_columns.iter().find(|(other, _)| *other == name);
         let (_, others) = same.unwrap_or_else(|| {
             panic!(
@@ -132,7 +134,7 @@ fn cell_and_time_are_kept_where_there_is_a_place() {
 fn coordinates_far_from_zero_keep_their_precision() {
     let folder = Folder::new("far");
     let original = sample(9, DVec3::new(6.4e6, -2.1e7, 9.0e8));
-    for format in ["xyz", "dump", "csv", "ply", "npy", "npz"] {
+    for format in ["xyz", "dump", "csv", "ply", "npy", "npz", "vtp", "prt"] {
         let found = convert(&original, &folder.file(&format!("a.{format}"), b""));
         for id in 0..original.len() {
             let (a, b) = (original.positions().world(id), found.positions().world(id));
@@ -144,7 +146,7 @@ fn coordinates_far_from_zero_keep_their_precision() {
 #[test]
 fn none_and_one_particle_can_be_written() {
     let folder = Folder::new("few");
-    for format in FORMATS.into_iter().chain(["vtp", "mmpld", "prt", "usda", "glb"]) {
+    for format in FORMATS.into_iter().chain(["mmpld", "usda", "glb"]) {
         for count in [0, 1] {
             let path = folder.file(&format!("a{count}.{format}"), b"");
             let few = sample(count, DVec3::ZERO);
@@ -174,6 +176,25 @@ fn frames_share_a_file_where_the_format_holds_them() {
         Ok(frame(&sequence, k).particles)
     });
     assert!(error.unwrap_err().to_string().contains("holds one frame, not 2"));
+}
+
+#[test]
+fn radii_and_one_quantity_go_into_mmpld() {
+    let folder = Folder::new("mmpld");
+    let original = sample(7, DVec3::ONE);
+    let path = folder.file("a.mmpld", b"");
+    let frames = |k| Ok(sample(7 + k, DVec3::ONE));
+    let fields = ["radius".to_string(), "charge".to_string()];
+    assert!(write::particles::particles(&path, Some(&fields), 3, frames).unwrap().is_empty());
+    let read = open(&path);
+    assert_eq!(read.len(), 3);
+    let found = frame(&read, 0).particles;
+    for id in 0..original.len() {
+        let radius = |particles: &Particles| particles.radius(particles.radii().unwrap(), id);
+        assert_eq!(radius(&found), radius(&original));
+        assert!(found.positions().world(id).abs_diff_eq(original.positions().world(id), 1e-6));
+    }
+    assert_eq!(frame(&read, 2).particles.len(), 9);
 }
 
 #[test]

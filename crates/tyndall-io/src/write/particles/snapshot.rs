@@ -1,5 +1,6 @@
 //! A frame as its writers see it: positions, and the attributes that were asked for.
 
+use rayon::prelude::*;
 use tyndall::particles::{Attribute, Radii, Values};
 use tyndall::{DVec3, Error, Particles, Result};
 
@@ -48,18 +49,14 @@ impl<'a> Snapshot<'a> {
         names.iter().find_map(of)
     }
 
-    /// Whether 32-bit floats hold the positions as well as they are known: not if they lie far from zero beside their spread.
+    /// Whether 32-bit floats hold the positions as well as they are known: exactly, or because zero is not far beside their spread.
     pub(super) fn fits_f32(&self) -> bool {
-        let positions = self.particles.positions();
-        let bounds = self.particles.bounds();
-        let farthest = |axis: usize| {
-            let (low, high) = (f64::from(bounds.min[axis]), f64::from(bounds.max[axis]));
-            let origin = positions.origin()[axis];
-            (low.abs().max(high.abs()), (origin + low).abs().max((origin + high).abs()))
-        };
-        self.len() == 0
-            || (0..3).map(farthest).all(|(offset, world)| world <= 4.0 * offset || world < f64::MIN_POSITIVE)
-            || positions.origin() == DVec3::ZERO
+        let (origin, bounds) = (self.particles.positions().origin(), self.particles.bounds());
+        let [low, high] = [bounds.min, bounds.max].map(|corner| corner.as_dvec3());
+        let spread = low.abs().max(high.abs()).max_element();
+        let farthest = (origin + low).abs().max((origin + high).abs()).max_element();
+        let is_exact = |id: usize| self.position(id).as_vec3().as_dvec3() == self.position(id);
+        farthest <= 8.0 * spread || (0..self.len()).into_par_iter().all(is_exact)
     }
 
     /// The radius of particle `id`, if the particles have one.
