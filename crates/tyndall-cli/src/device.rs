@@ -138,7 +138,7 @@ mod card {
         }
 
         /// Makes the scene ready. What a card has no room for, the processor renders, unless the card was asked for.
-        pub(crate) fn load(&self, scene: &Scene, report: &Report) -> Outcome<Loaded<'_>> {
+        pub(crate) fn load(&self, scene: &Scene, report: &Report) -> Outcome<Loaded> {
             let Self::Card { gpu, is_asked_for } = self else { return Ok(Loaded::Processor) };
             match Resident::load(gpu, scene, report.progress()) {
                 Ok(resident) => Ok(Loaded::Card(Box::new(resident))),
@@ -166,12 +166,12 @@ mod card {
     }
 
     /// A scene that is ready.
-    pub(crate) enum Loaded<'a> {
+    pub(crate) enum Loaded {
         Processor,
-        Card(Box<Resident<'a>>),
+        Card(Box<Resident>),
     }
 
-    impl Loaded<'_> {
+    impl Loaded {
         /// A picture of the scene that was loaded, with whatever light it has now.
         pub(crate) fn image(
             &self,

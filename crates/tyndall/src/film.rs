@@ -17,6 +17,14 @@ pub struct Image {
 }
 
 impl Image {
+    /// A picture without particles: linear RGB `background` if there is one, else transparent.
+    pub(crate) fn empty(width: u32, height: u32, background: Option<[f32; 3]>) -> Self {
+        let pixels = width as usize * height as usize;
+        let color = background.map_or([0.0; 4], |[r, g, b]| [r, g, b, 1.0]);
+        let (color, depth, id) = (vec![color; pixels], vec![f32::INFINITY; pixels], vec![-1; pixels]);
+        Self { width, height, color, depth, id }
+    }
+
     /// Makes room for a picture of that size; what is in it then has no meaning.
     pub(crate) fn resize(&mut self, width: u32, height: u32) {
         let pixels = width as usize * height as usize;

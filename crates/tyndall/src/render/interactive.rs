@@ -9,6 +9,8 @@
 
 use glam::DVec3;
 
+#[cfg(feature = "gpu")]
+use super::gpu;
 use super::sampling::Samples;
 use super::{Settings, certified, cpu};
 use crate::error::{Error, Result};
@@ -21,21 +23,15 @@ use crate::scene::light::Lighting;
 use crate::scene::select::Filter;
 use crate::structure::selection::HalfSpace;
 
-/// What changed in a scene since a device saw it last.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Change {
-    /// Nothing: it is seen otherwise.
-    View,
-    /// All of it is new, or several things are.
-    Everything,
+/// What changed in a scene since a device saw it last, besides view, light and background, which devices are told with every pass.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) struct Changes {
     /// The colors of the particles.
-    Colors,
+    pub(crate) colors: bool,
     /// By what their radii are scaled.
-    Radii,
+    pub(crate) radii: bool,
     /// Which of them are shown.
-    Shown,
-    /// Light and background, which devices read with every pass.
-    Light,
+    pub(crate) shown: bool,
 }
 
 /// One pass of one of the pictures that a device keeps.
@@ -53,7 +49,7 @@ pub(crate) struct Shot {
 /// A machine that holds a scene and renders it.
 pub(crate) trait Backend: Send {
     /// Takes over what changed in the scene, and forgets the samples of all pictures.
-    fn load(&mut self, scene: &Scene, change: Change) -> Result<()>;
+    fn load(&mut self, scene: &Scene, changes: Changes) -> Result<()>;
 
     /// Adds samples to the pixels that have not got them. Fails with [`Error::Interrupted`] when told to stop; begun again, it goes on.
     fn pass(&mut self, scene: &Scene, shot: &Shot, progress: &dyn Progress) -> Result<()>;
@@ -98,8 +94,8 @@ pub struct Interactive {
     settings: Settings,
     view: View,
     backend: Box<dyn Backend>,
-    /// What changed that the device does not know yet.
-    changed: Option<Change>,
+    /// What changed that the device does not know yet; none if this view was begun.
+    changed: Option<Changes>,
     /// The step that the next view begins with, by what the last ones came to.
     first: usize,
     /// The step that this view began with, and the one that is to be done: those between are done.
@@ -112,7 +108,8 @@ pub struct Interactive {
 }
 
 impl Interactive {
-    /// Takes a scene, to be seen by `camera`; `settings` are those of the finished picture. Fails as [`super::Renderer::new`] does.
+    /// Takes a scene, to be seen by `camera`; `settings` are those of the finished picture. The processor makes the pictures, until
+    /// they are moved to another device. Fails as [`super::Renderer::new`] does.
     pub fn new(scene: Scene, camera: Camera, settings: Settings) -> Result<Self> {
         settings.check()?;
         let view = camera.view(scene.structure().origin(), settings.width, settings.height)?;
@@ -122,7 +119,7 @@ impl Interactive {
             settings,
             view,
             backend: Box::new(cpu::Films::new()),
-            changed: Some(Change::Everything),
+            changed: Some(Changes::default()),
             first: 0,
             start: 0,
             step: 0,
@@ -130,6 +127,53 @@ impl Interactive {
             image: Image::default(),
             coarse: Image::default(),
         })
+    }
+
+    /// Sends the scene to a card, which makes the pictures from now on; `progress` is told of the upload and can stop it. What changes
+    /// afterwards is sent alone. Fails as [`gpu::Resident::load`] does; then pictures are made where they were before.
+    ///
+    /// ```
+    /// use tyndall::render::gpu::{Gpu, Options};
+    /// use tyndall::render::{Interactive, Settings};
+    /// use tyndall::scene::light::Lighting;
+    /// use tyndall::scene::{Scene, camera::Camera, camera::Projection, color::ParticleColors};
+    /// use tyndall::structure::{Kind, Structure};
+    /// use tyndall::{DVec3, synthetic};
+    ///
+    /// let particles = synthetic::generate("packed?n=1e3", &())?;
+    /// let radii = particles.radii().expect("this source has a radius").clone();
+    /// let structure = Structure::build(Kind::default(), particles, &radii, 1.0, &())?;
+    /// let scene = Scene::new(structure, ParticleColors::constant([0.6; 3]), Lighting::Headlight, None);
+    /// let camera = Camera {
+    ///     eye: DVec3::new(3.0, 2.0, 2.0),
+    ///     look_at: DVec3::splat(0.5),
+    ///     up: DVec3::Z,
+    ///     projection: Projection::Orthographic { height: 1.8 },
+    /// };
+    /// let settings = Settings { width: 32, height: 32, samples: 1, ..Settings::default() };
+    /// let mut interactive = Interactive::new(scene, camera, settings)?;
+    /// // Where there is no card, or it has no room, the processor goes on.
+    /// let moved = Gpu::open(Options::default()).and_then(|gpu| interactive.move_to_gpu(&gpu, &()));
+    /// if let Err(why) = moved {
+    ///     println!("{why}; using the CPU");
+    /// }
+    /// interactive.scale_radii(1.5)?;
+    /// // With a deadline instead of `()` it returns in time, with what there is.
+    /// interactive.refine(&())?;
+    /// assert!(interactive.is_done() && interactive.pick(16, 16).is_some());
+    /// # Ok::<(), tyndall::Error>(())
+    /// ```
+    #[cfg(feature = "gpu")]
+    pub fn move_to_gpu(&mut self, gpu: &gpu::Gpu, progress: &dyn Progress) -> Result<()> {
+        self.backend = Box::new(gpu::Films::load(gpu, &self.scene, progress)?);
+        self.changed = Some(Changes::default());
+        Ok(())
+    }
+
+    /// The processor makes the pictures from now on: as at the beginning, or after an error of a card.
+    pub fn move_to_cpu(&mut self) {
+        self.backend = Box::new(cpu::Films::new());
+        self.changed = Some(Changes::default());
     }
 
     /// The scene as it is now.
@@ -152,7 +196,7 @@ impl Interactive {
         let Settings { width, height, .. } = self.settings;
         self.view = camera.view(self.scene.structure().origin(), width, height)?;
         self.camera = camera;
-        self.restart(Change::View);
+        self.restart(|_| ());
         Ok(())
     }
 
@@ -161,20 +205,20 @@ impl Interactive {
         settings.check()?;
         self.view = self.camera.view(self.scene.structure().origin(), settings.width, settings.height)?;
         self.settings = settings;
-        self.restart(Change::View);
+        self.restart(|_| ());
         Ok(())
     }
 
     /// Gives the particles other colors, which stand by id.
     pub fn recolor(&mut self, colors: ParticleColors) {
         self.scene.recolor(colors);
-        self.restart(Change::Colors);
+        self.restart(|changes| changes.colors = true);
     }
 
     /// Lights the scene otherwise, before linear RGB or, without, nothing.
     pub fn light(&mut self, lighting: Lighting, background: Option<[f32; 3]>) {
         (self.scene.lighting, self.scene.background) = (lighting, background);
-        self.restart(Change::Light);
+        self.restart(|_| ());
     }
 
     /// Scales all radii to `scale` times those of the structure that was built. Fails unless it is finite and not negative.
@@ -183,14 +227,14 @@ impl Interactive {
             return Err(Error::setting("radius scale", scale, "a number not below 0"));
         }
         self.scene.scale_radii(scale);
-        self.restart(Change::Radii);
+        self.restart(|changes| changes.radii = true);
         Ok(())
     }
 
     /// Shows other particles, and tells how many: see [`Scene::select`].
     pub fn select(&mut self, filters: &[Filter], half_spaces: &[HalfSpace]) -> Result<u64> {
         let count = self.scene.select(filters, half_spaces)?;
-        self.restart(Change::Shown);
+        self.restart(|changes| changes.shown = true);
         Ok(count)
     }
 
@@ -199,12 +243,12 @@ impl Interactive {
         self.changed.is_none() && self.samples_done >= self.settings.samples
     }
 
-    /// Refines the picture until it is finished or `progress` says stop, which is noticed within a tile of it: a deadline, or an event
-    /// that makes the view obsolete. Says how fine it is. Fails only when the device does.
+    /// Refines the picture until it is finished or `progress` says stop, which is noticed within a tile of it, on a card within a band that
+    /// takes some 50 ms at most: a deadline, or an event that makes the view obsolete. Says how fine it is. Fails only when the device does.
     pub fn refine(&mut self, progress: &dyn Progress) -> Result<Detail> {
         let is_new = self.changed.is_some();
-        if let Some(change) = self.changed {
-            self.backend.load(&self.scene, change)?;
+        if let Some(changes) = self.changed {
+            self.backend.load(&self.scene, changes)?;
             self.changed = None;
             (self.start, self.step, self.samples_done) = (self.first, self.first, 0);
         }
@@ -242,13 +286,8 @@ impl Interactive {
     }
 
     /// Begins anew with the next picture; the device is told then.
-    fn restart(&mut self, change: Change) {
-        self.changed = Some(match (self.changed, change) {
-            (None | Some(Change::View), change) => change,
-            (Some(before), Change::View) => before,
-            (Some(before), change) if before == change => change,
-            _ => Change::Everything,
-        });
+    fn restart(&mut self, change: impl FnOnce(&mut Changes)) {
+        change(self.changed.get_or_insert_default());
     }
 
     /// The pass that comes next; none if the picture is finished.

@@ -1,4 +1,5 @@
-//! A resident scene that was changed shows what a scene made that way shows, bit for bit, however often it was interrupted.
+//! A resident scene that was changed shows what a scene made that way shows on the same device, bit for bit, however often it was
+//! interrupted.
 
 use std::sync::atomic::{AtomicI64, Ordering};
 
@@ -6,13 +7,15 @@ use glam::{DVec3, Vec3};
 
 use super::scenes::{LAWS, Law, Random, camera, particles};
 use super::visibility::{differing_pixels, image};
-use crate::particles::{Particles, Radii};
+use crate::film::Image;
+use crate::particles::{Attribute, Columns, Particles, Radii, Values};
 use crate::progress::Progress;
 use crate::render::interactive::{Detail, Interactive};
 use crate::render::{Culling, Renderer, Settings};
 use crate::scene::Scene;
 use crate::scene::camera::Camera;
-use crate::scene::color::ParticleColors;
+use crate::scene::color::{self, ParticleColors};
+use crate::scene::coloring::Range;
 use crate::scene::light::Lighting;
 use crate::structure::selection::{HalfSpace, Rule};
 use crate::structure::{Kind, Structure, pkd};
@@ -40,7 +43,7 @@ impl Progress for Budget {
 struct State {
     camera: Camera,
     settings: Settings,
-    color: [f32; 3],
+    colors: ParticleColors,
     lighting: Lighting,
     background: Option<[f32; 3]>,
     radius_scale: f32,
@@ -52,7 +55,7 @@ impl State {
         Self {
             camera: camera(&particles.bounds(), random),
             settings: Settings { width: 70, height: 45, samples: 21, seed: 1, culling: Culling::default() },
-            color: [0.5; 3],
+            colors: ParticleColors::constant([0.5; 3]),
             lighting: Lighting::Headlight,
             background: None,
             radius_scale: 1.0,
@@ -75,8 +78,8 @@ impl State {
                 interactive.set(self.settings).unwrap();
             }
             2 => {
-                self.color = [random.unit(), 0.5, random.unit()];
-                interactive.recolor(ParticleColors::constant(self.color));
+                self.colors = colors(particles, random);
+                interactive.recolor(self.colors.clone());
             }
             3 => {
                 self.lighting = match random.below(3) {
@@ -103,7 +106,48 @@ impl State {
     fn scene(&self, particles: &Particles, radii: &Radii, kind: Kind) -> Scene {
         let mut structure = Structure::build(kind, particles.clone(), radii, self.radius_scale, &()).unwrap();
         structure.show(&self.half_spaces.iter().copied().map(Rule::HalfSpace).collect::<Vec<_>>());
-        Scene::new(structure, ParticleColors::constant(self.color), self.lighting, self.background)
+        Scene::new(structure, self.colors.clone(), self.lighting, self.background)
+    }
+}
+
+/// Random colors, held in each way.
+fn colors(particles: &Particles, random: &mut Random) -> ParticleColors {
+    let bytes = (0..3 * particles.len()).map(|_| random.below(256) as u8).collect();
+    let columns = Columns {
+        positions: particles.positions().clone(),
+        attributes: vec![
+            Attribute::new("Cd", 3, Values::U8(bytes)),
+            Attribute::new("s", 1, Values::F32((0..particles.len()).map(|_| random.unit()).collect())),
+        ],
+        ..Columns::default()
+    };
+    let coloring = match random.below(3) {
+        0 => return ParticleColors::constant([random.unit(), 0.5, random.unit()]),
+        1 => "Cd",
+        _ => "s",
+    };
+    let particles = Particles::new(columns).unwrap();
+    color::resolve(&particles, &coloring.parse().unwrap(), None, None, Range::Auto).unwrap()
+}
+
+/// What keeps a scene and renders it.
+trait Device {
+    /// Moves the scene there.
+    fn take(&self, interactive: Interactive) -> Interactive;
+
+    /// The picture of a scene that it never saw.
+    fn whole(&self, scene: &Scene, camera: &Camera, settings: &Settings) -> Image;
+}
+
+struct Cpu;
+
+impl Device for Cpu {
+    fn take(&self, interactive: Interactive) -> Interactive {
+        interactive
+    }
+
+    fn whole(&self, scene: &Scene, camera: &Camera, settings: &Settings) -> Image {
+        image(scene, camera, settings, Level::new())
     }
 }
 
@@ -112,15 +156,20 @@ const KINDS: [Kind; 2] = [
     Kind::Pkd(pkd::Options { axis: pkd::Axis::WidestExtent, order: pkd::Order::NodeFirst }),
 ];
 
-#[test]
-fn changes_come_to_what_a_scene_made_that_way_shows() {
-    for seed in 0..24 {
+/// Changes scenes of so many seeds on a device, and compares every picture. `compare` is given the seed, scene and picture as well.
+fn change_at_random(
+    device: &impl Device,
+    seeds: u64,
+    kinds: &[Kind],
+    mut compare: impl FnMut(u64, &Scene, &State, &Image),
+) {
+    for seed in 0..seeds {
         let mut random = Random::new(11_000 + seed);
         let (particles, radii) = particles(LAWS[seed as usize % LAWS.len()], 500, &mut random);
-        let kind = KINDS[seed as usize % 2];
+        let kind = kinds[seed as usize % kinds.len()];
         let mut state = State::first(&particles, &mut random);
         let scene = state.scene(&particles, &radii, kind);
-        let mut interactive = Interactive::new(scene, state.camera, state.settings).unwrap();
+        let mut interactive = device.take(Interactive::new(scene, state.camera, state.settings).unwrap());
         for edit in 0..8 {
             state.change(&mut interactive, &particles, &mut random);
             if random.below(3) == 0 {
@@ -135,11 +184,17 @@ fn changes_come_to_what_a_scene_made_that_way_shows() {
                 assert!(calls < 1000, "it ends");
             }
             let scene = state.scene(&particles, &radii, kind);
-            let expected = image(&scene, &state.camera, &state.settings, Level::new());
+            let expected = device.whole(&scene, &state.camera, &state.settings);
             let differing = differing_pixels(&expected, interactive.image());
             assert_eq!(differing, 0, "seed {seed}, edit {edit}: {kind:?}");
+            compare(seed, &scene, &state, interactive.image());
         }
     }
+}
+
+#[test]
+fn changes_come_to_what_a_scene_made_that_way_shows() {
+    change_at_random(&Cpu, 24, &KINDS, |_, _, _, _| ());
 }
 
 /// A resident scene of a few hundred particles.
@@ -212,4 +267,139 @@ fn a_renderer_that_was_interrupted_goes_on() {
     }
     assert!(interrupted > 3);
     assert_eq!(differing_pixels(&expected, &renderer.image()), 0);
+}
+
+#[cfg(feature = "gpu")]
+mod card {
+    use super::super::twins::{self, device, scale};
+    use super::*;
+    use crate::render::gpu::{self, Gpu, Resident};
+    use crate::render::render;
+    use crate::structure::Packing;
+
+    impl Device for Gpu {
+        fn take(&self, mut interactive: Interactive) -> Interactive {
+            interactive.move_to_gpu(self, &()).unwrap();
+            interactive
+        }
+
+        fn whole(&self, scene: &Scene, camera: &Camera, settings: &Settings) -> Image {
+            gpu::render(&Resident::load(self, scene, &()).unwrap(), scene, camera, settings, &()).unwrap()
+        }
+    }
+
+    const KINDS: [Kind; 4] = [
+        Kind::Bvh(Packing::Exact),
+        Kind::Bvh(Packing::Bits16),
+        Kind::Bvh(Packing::Bits11),
+        Kind::Bvh(Packing::Bits8),
+    ];
+
+    #[test]
+    fn changes_come_to_what_a_scene_made_that_way_shows() {
+        let Some(gpu) = device(None) else { return };
+        let (mut pixels, mut differing) = (0, 0);
+        change_at_random(&gpu, 24, &KINDS, |seed, scene, state, found| {
+            // Where all particles share a center, what a shadow ray starts on lies within rounding of the others.
+            if matches!(
+                (LAWS[seed as usize % LAWS.len()], state.lighting),
+                (Law::Equal, Lighting::Studio(..))
+            ) {
+                return;
+            }
+            let expected = render(scene, &state.camera, &state.settings, &()).unwrap();
+            differing += twins::differing_pixels(&expected, found, scale(&state.camera));
+            pixels += found.id.len();
+        });
+        println!("{differing} of {pixels} pixels differ from those of the CPU");
+        assert!(differing * 200 < pixels, "{differing} of {pixels}");
+    }
+
+    #[test]
+    fn a_picture_goes_from_coarse_to_fine_and_the_next_begins_where_time_allows() {
+        let Some(gpu) = device(None) else { return };
+        let mut it = gpu.take(resident(4));
+        assert_eq!(it.refine(&Budget::of(0)).unwrap(), Detail::Stale);
+        assert!(it.image().color.is_empty(), "no picture yet");
+        // Blocks of 8 and of 4 are one band each.
+        assert_eq!(it.refine(&Budget::of(1)).unwrap(), Detail::Block(8));
+        let image = it.image();
+        assert_eq!((image.width, image.height, image.id.len()), (70, 45, 70 * 45));
+        for (pixel, id) in image.id.iter().enumerate() {
+            let (x, y) = (pixel % 70, pixel / 70);
+            assert_eq!(*id, image.id[y / 8 * 8 * 70 + x / 8 * 8], "a block has one id");
+        }
+        assert_eq!(it.refine(&Budget::of(1)).unwrap(), Detail::Block(4));
+        assert_eq!(it.refine(&Budget::of(100)).unwrap(), Detail::Samples(4));
+        assert!(it.is_done());
+        it.look_from(*it.camera()).unwrap();
+        assert_eq!(it.refine(&Budget::of(0)).unwrap(), Detail::Stale, "begins with the finished picture");
+        it.look_from(*it.camera()).unwrap();
+        assert_eq!(it.refine(&()).unwrap(), Detail::Samples(4));
+    }
+
+    #[test]
+    fn a_renderer_that_was_interrupted_goes_on_and_shows_what_it_has() {
+        let Some(gpu) = device(None) else { return };
+        let mut random = Random::new(6);
+        let (particles, radii) = particles(Law::Uniform, 300, &mut random);
+        let state = State::first(&particles, &mut random);
+        let scene = state.scene(&particles, &radii, KINDS[0]);
+        let expected = gpu.whole(&scene, &state.camera, &state.settings);
+        let resident = Resident::load(&gpu, &scene, &()).unwrap();
+        let mut renderer = gpu::Renderer::new(&resident, &scene, &state.camera, &state.settings).unwrap();
+        let mut interrupted = 0;
+        while !renderer.is_done() {
+            if renderer.pass(&Budget::of(1)).is_err() {
+                interrupted += 1;
+                let image = renderer.image().unwrap();
+                assert!(
+                    image.color.iter().flatten().all(|it| (0.0..=1.001).contains(it)),
+                    "every row is a mean"
+                );
+            }
+        }
+        assert!(interrupted > 0);
+        assert_eq!(differing_pixels(&expected, &renderer.image().unwrap()), 0);
+    }
+
+    #[test]
+    fn a_scene_moves_between_devices_and_stays_where_it_is_when_it_cannot() {
+        let Some(gpu) = device(None) else { return };
+        let mut it = resident(1);
+        it.refine(&()).unwrap();
+        let by_cpu = it.image().clone();
+        it.move_to_gpu(&gpu, &()).unwrap();
+        assert!(!it.is_done());
+        it.refine(&()).unwrap();
+        let by_card = it.image().clone();
+        assert!(twins::differing_pixels(&by_cpu, &by_card, scale(it.camera())) < 30);
+        it.move_to_cpu();
+        it.refine(&()).unwrap();
+        assert_eq!(differing_pixels(&by_cpu, it.image()), 0);
+        // Memory of a few bytes a page, which are more pages than there are bindings.
+        let Some(small) = device(Some(16)) else { return };
+        assert!(it.move_to_gpu(&small, &()).is_err());
+        it.look_from(*it.camera()).unwrap();
+        it.refine(&()).unwrap();
+        assert_eq!(differing_pixels(&by_cpu, it.image()), 0);
+    }
+
+    #[test]
+    fn a_pixel_is_picked_as_it_is_seen() {
+        let Some(gpu) = device(None) else { return };
+        let mut it = gpu.take(resident(1));
+        it.refine(&()).unwrap();
+        let (mut met, mut differing) = (0, 0);
+        for (pixel, (&id, &depth)) in it.image().id.iter().zip(&it.image().depth).enumerate() {
+            let pick = it.pick(pixel as u32 % 70, pixel as u32 / 70);
+            met += usize::from(pick.is_some());
+            // A ray that grazes a sphere may be decided otherwise.
+            differing += usize::from(pick.map_or(-1, |pick| pick.place as i64) != id);
+            if let Some(pick) = pick.filter(|pick| pick.place as i64 == id) {
+                assert!((pick.depth - depth).abs() <= 1e-4 * depth, "{depth} {pick:?}");
+            }
+        }
+        assert!(met > 100 && differing < 30, "{met} pixels show a particle, {differing} picks differ");
+    }
 }

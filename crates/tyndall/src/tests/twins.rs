@@ -19,7 +19,7 @@ use crate::structure::{Hit, Kind, Packing, Structure};
 use glam::{DVec3, Vec3};
 
 /// A device, or none: then it is said that the test is skipped.
-fn device(page_bytes: Option<u64>) -> Option<Gpu> {
+pub(super) fn device(page_bytes: Option<u64>) -> Option<Gpu> {
     match Gpu::open(Options { page_bytes, checked: true, ..Options::default() }) {
         Ok(gpu) => Some(gpu),
         Err(error) => {
@@ -68,7 +68,7 @@ fn on_card(
 
 /// In how many pixels two pictures differ by more than rounding: in the id, in the color, or in the distance by more than a share of
 /// it or of `scale`, the distance to the scene's middle.
-fn differing_pixels(a: &Image, b: &Image, scale: f32) -> usize {
+pub(super) fn differing_pixels(a: &Image, b: &Image, scale: f32) -> usize {
     assert_eq!((a.width, a.height), (b.width, b.height));
     let is_near = |a: f32, b: f32| {
         let tolerance = 1e-4 * a.abs().max(b.abs()) + 4e-6 * scale;
@@ -82,7 +82,7 @@ fn differing_pixels(a: &Image, b: &Image, scale: f32) -> usize {
 }
 
 /// From the eye to what it looks at.
-fn scale(camera: &Camera) -> f32 {
+pub(super) fn scale(camera: &Camera) -> f32 {
     camera.eye.distance(camera.look_at) as f32
 }
 

@@ -6,7 +6,7 @@ use super::{Film, for_each_tile};
 use crate::error::{Error, Result};
 use crate::film::Image;
 use crate::progress::Progress;
-use crate::render::interactive::{Backend, Change, Shot};
+use crate::render::interactive::{Backend, Changes, Shot};
 use crate::scene::Scene;
 
 /// A film for each picture that was asked for.
@@ -23,7 +23,7 @@ impl Films {
 }
 
 impl Backend for Films {
-    fn load(&mut self, _: &Scene, _: Change) -> Result<()> {
+    fn load(&mut self, _: &Scene, _: Changes) -> Result<()> {
         self.films.iter_mut().flatten().for_each(Film::clear);
         Ok(())
     }

@@ -130,11 +130,10 @@ impl Film {
 
     /// Writes the mean of the samples of each pixel, over the scene's background; nothing but background where there are none.
     pub(crate) fn image_into(&self, scene: &Scene, image: &mut Image) {
-        image.resize(self.width, self.height);
-        if !self.has(1) {
-            image.color.fill(scene.background.map_or([0.0; 4], |[r, g, b]| [r, g, b, 1.0]));
-            image.depth.fill(f32::INFINITY);
-            image.id.fill(-1);
+        if self.has(1) {
+            image.resize(self.width, self.height);
+        } else {
+            *image = Image::empty(self.width, self.height, scene.background);
         }
         self.draw_over(scene, image);
     }

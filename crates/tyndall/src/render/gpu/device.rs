@@ -131,18 +131,21 @@ pub struct Options {
     pub checked: bool,
 }
 
-/// A device, ready to work.
+/// A device, ready to work; a clone is the same device.
+#[derive(Clone)]
 pub struct Gpu {
     pub(super) device: wgpu::Device,
     queue: wgpu::Queue,
     info: AdapterInfo,
     limits: wgpu::Limits,
     options: Options,
-    /// By text and entry point.
-    pipelines: Mutex<HashMap<(String, &'static str), wgpu::ComputePipeline>>,
+    pipelines: Arc<Mutex<Pipelines>>,
     fault: Arc<Mutex<Option<Error>>>,
     timed: bool,
 }
+
+/// Kernels that were made, by text and entry point.
+type Pipelines = HashMap<(String, &'static str), wgpu::ComputePipeline>;
 
 /// How long the device may take for what was given to it at one time, before it counts as lost.
 const PATIENCE: Duration = Duration::from_secs(120);
@@ -189,7 +192,7 @@ impl Gpu {
                 keep_first(&lost, Error::Device(format!("the GPU was lost: {}", one_line(&message))));
             }
         });
-        Ok(Self { device, queue, info, limits, options, pipelines: Mutex::default(), fault, timed })
+        Ok(Self { device, queue, info, limits, options, pipelines: Arc::default(), fault, timed })
     }
 
     /// What it is.

@@ -1,5 +1,7 @@
 //! The samples of a picture on the card: what they met in the band that is worked on, and the sums that are read back.
 
+use std::ops::Range;
+
 use super::Kernels;
 use super::device::Gpu;
 use super::layout::{HitRecord, NONE, Pass};
@@ -7,7 +9,6 @@ use super::resident::Resident;
 use super::shader::MOST_ASIDE;
 use crate::error::Result;
 use crate::film::Image;
-use crate::render::Settings;
 use crate::render::sampling::{PATTERN, Samples};
 use crate::render::shade::mean_of;
 use crate::scene::Scene;
@@ -40,8 +41,7 @@ pub(super) struct Film {
 
 impl Film {
     /// Without samples.
-    pub(super) fn new(gpu: &Gpu, resident: &Resident, settings: &Settings) -> Result<Self> {
-        let Settings { width, height, .. } = *settings;
+    pub(super) fn new(gpu: &Gpu, resident: &Resident, [width, height]: [u32; 2]) -> Result<Self> {
         let pixels = u64::from(width) * u64::from(height);
         if 16 * pixels > gpu.binding_bytes() {
             return Err(gpu.too_small("the picture", 24 * pixels));
@@ -158,36 +158,38 @@ impl Film {
         Ok(gpu.submit(encoder))
     }
 
-    /// Waits, and reads back the mean of `samples` samples a pixel, over the scene's background.
-    pub(super) fn image(&self, gpu: &Gpu, scene: &Scene, samples: u32) -> Result<Image> {
-        let pixels = self.width as usize * self.height as usize;
-        let mut image = Image { width: self.width, height: self.height, ..Image::default() };
-        if samples == 0 {
-            image.color = vec![mean_of(0, scene.background)([0.0; 4]); pixels];
-            image.depth = vec![f32::INFINITY; pixels];
-            image.id = vec![-1; pixels];
-            return Ok(image);
+    /// Waits, and draws the mean of `samples` samples a pixel over `image`, in those rows, over the scene's background. Without samples
+    /// they stay as they are.
+    pub(super) fn draw_over(
+        &self,
+        gpu: &Gpu,
+        scene: &Scene,
+        rows: Range<u32>,
+        samples: u32,
+        image: &mut Image,
+    ) -> Result<()> {
+        if samples == 0 || rows.is_empty() {
+            return Ok(());
         }
         let mean = mean_of(samples, scene.background);
-        image.color = gpu.read(&self.sum, 0..self.sum.size(), |sums: &[[f32; 4]]| {
-            sums.iter().map(|&sum| mean(sum)).collect()
+        let pixels = [rows.start, rows.end].map(|row| u64::from(row) * u64::from(self.width));
+        let bytes = |size: u64| size * pixels[0]..size * pixels[1];
+        let drawn = pixels[0] as usize..pixels[1] as usize;
+        let colors = &mut image.color[drawn.clone()];
+        gpu.read(&self.sum, bytes(16), |sums: &[[f32; 4]]| {
+            colors.iter_mut().zip(sums).for_each(|(color, &sum)| *color = mean(sum));
         })?;
-        let whole = 0..self.nearest.size();
-        (image.depth, image.id) = gpu.read(&self.nearest, whole, |hits: &[HitRecord]| {
+        let drawn = image.depth[drawn.clone()].iter_mut().zip(&mut image.id[drawn]);
+        gpu.read(&self.nearest, bytes(HIT_BYTES), |hits: &[HitRecord]| {
             // Neighboring pixels often show the same particle.
             let mut last = (NONE, -1);
-            let place = |hit: &HitRecord| {
-                if hit.node == NONE {
-                    return (f32::INFINITY, -1);
-                }
-                if hit.node != last.0 {
+            for ((depth, id), hit) in drawn.zip(hits) {
+                if hit.node != NONE && hit.node != last.0 {
                     last = (hit.node, scene.structure().place(hit.node) as i64);
                 }
-                (hit.depth, last.1)
-            };
-            hits.iter().map(place).unzip()
-        })?;
-        Ok(image)
+                (*depth, *id) = if hit.node == NONE { (f32::INFINITY, -1) } else { (hit.depth, last.1) };
+            }
+        })
     }
 
     /// Waits, and gives what the last band has written for its samples.

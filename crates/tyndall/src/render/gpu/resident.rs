@@ -7,6 +7,7 @@ use super::shader::{Colors, HeapWalk, Heaps, Shape, Sizes, Walked};
 use crate::error::{Error, Result};
 use crate::math::Ray;
 use crate::progress::Progress;
+use crate::render::interactive::Changes;
 use crate::scene::Scene;
 use crate::scene::color::ColorColumn;
 use crate::structure::bvh::{Arrays, SizeArrays};
@@ -18,8 +19,8 @@ const PASS_BUFFERS: u64 = 4;
 const RAYS_AT_ONCE: usize = 1 << 20;
 
 /// See the module.
-pub struct Resident<'a> {
-    gpu: &'a Gpu,
+pub struct Resident {
+    gpu: Gpu,
     shape: Shape,
     group: wgpu::BindGroup,
     pass_bindings: wgpu::BindGroupLayout,
@@ -180,10 +181,10 @@ fn palette(scene: &Scene) -> [[f32; 4]; 256] {
     palette
 }
 
-impl<'a> Resident<'a> {
+impl Resident {
     /// Copies the scene to the card. Fails with [`Error::Memory`] if it does not fit, with [`Error::Setting`] if its structure is none that
     /// the card walks.
-    pub fn load(gpu: &'a Gpu, scene: &Scene, progress: &dyn Progress) -> Result<Self> {
+    pub fn load(gpu: &Gpu, scene: &Scene, progress: &dyn Progress) -> Result<Self> {
         let content = Content::of(scene)?;
         content.check(gpu)?;
         progress.begin("upload", Some(content.bytes()), "B");
@@ -221,7 +222,7 @@ impl<'a> Resident<'a> {
         let aside_bindings = [Binding::Written, Binding::Read].map(|binding| gpu.layout(&[binding], 1));
         let ray_bindings = gpu.layout(&[Binding::Read, Binding::Written], 2);
         Ok(Self {
-            gpu,
+            gpu: gpu.clone(),
             group,
             pass_layout: gpu.pipeline_layout(&[&pass_bindings, &scene_bindings]),
             walk_layouts: aside_bindings.each_ref().map(|aside| match shape.walked.has_tiles() {
@@ -246,9 +247,18 @@ impl<'a> Resident<'a> {
         self
     }
 
+    /// Takes over what changed in the scene. Whether kernels have to be made anew.
+    pub(super) fn update(&mut self, scene: &Scene, changes: Changes) -> Result<bool> {
+        if changes == Changes::default() {
+            return Ok(false);
+        }
+        *self = Self::load(&self.gpu.clone(), scene, &())?;
+        Ok(true)
+    }
+
     /// The card.
-    pub fn gpu(&self) -> &'a Gpu {
-        self.gpu
+    pub fn gpu(&self) -> &Gpu {
+        &self.gpu
     }
 
     /// Memory that the scene takes on the card, in bytes.
@@ -343,7 +353,7 @@ impl<'a> Resident<'a> {
     }
 
     /// Copies rays to the card; at least one.
-    pub fn batch(&'a self, rays: &[Ray]) -> Result<Batch<'a>> {
+    pub fn batch(&self, rays: &[Ray]) -> Result<Batch<'_>> {
         let records: Vec<RayRecord> = rays.iter().map(RayRecord::of).collect();
         let bytes = bytemuck::cast_slice(&records);
         let storage = wgpu::BufferUsages::STORAGE;
@@ -358,7 +368,7 @@ impl<'a> Resident<'a> {
 
 /// Rays on the card, to be asked again and again.
 pub struct Batch<'a> {
-    resident: &'a Resident<'a>,
+    resident: &'a Resident,
     count: usize,
     hits: wgpu::Buffer,
     group: wgpu::BindGroup,
