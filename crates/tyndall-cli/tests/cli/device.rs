@@ -35,6 +35,44 @@ fn the_card_shows_what_the_processor_shows() {
 }
 
 #[test]
+fn the_card_hides_what_the_processor_hides_and_writes_the_same_layers() {
+    let folder = Folder::new();
+    folder.file("line.xyz", line_of(40));
+    if !has_adapter(&folder) {
+        return;
+    }
+    let draw = |selection: &str, device: &str, name: &str| {
+        folder.render(&format!("line.xyz {selection} --size 64x48 --device {device} -o {name}")).fine()
+    };
+    for structure in ["bvh", "pkd", "treelets"] {
+        let selection = format!("--structure {structure} --filter c_pe=3:30 --clip x<20");
+        for device in ["cpu", "gpu"] {
+            let told = draw(&selection, device, &format!("{device}.png"));
+            assert!(told.contains(&format!("{structure}, {device} ")), "{told}");
+        }
+        draw("", "gpu", "all.png");
+        let [cpu, gpu, all] = ["cpu.png", "gpu.png", "all.png"].map(|name| png(&folder.path(name)).0);
+        let differing = |a: &[u8], b: &[u8]| {
+            assert_eq!(a.len(), b.len());
+            a.iter().zip(b).filter(|(a, b)| a.abs_diff(**b) > 2).count()
+        };
+        assert!(differing(&cpu, &gpu) * 100 < cpu.len(), "{structure}: {} bytes", differing(&cpu, &gpu));
+        assert!(differing(&all, &gpu) > 50, "something is hidden");
+    }
+    // The header names the channels, each with the same length and type.
+    let channels = |device: &str| {
+        draw("--filter c_pe=3:30", device, "layers.exr");
+        let exr = std::fs::read(folder.path("layers.exr")).unwrap();
+        let named = exr.windows(8).position(|window| window == b"channels").unwrap();
+        let length = u32::from_le_bytes(exr[named + 16..named + 20].try_into().unwrap()) as usize;
+        exr[named..named + 20 + length].to_vec()
+    };
+    let of_card = channels("gpu");
+    assert!(of_card.windows(5).any(|window| window == b"depth"), "{of_card:?}");
+    assert_eq!(of_card, channels("cpu"));
+}
+
+#[test]
 fn devices_that_are_not_there_are_errors_but_for_auto() {
     let folder = Folder::new();
     folder.file("line.xyz", line_of(3));

@@ -5,7 +5,7 @@
 //! [`Interactive::refine`] goes as far as its caller lets it, and goes on there when it is called again: time is the caller's. What it
 //! comes to in the end is what [`super::render`] gives, bit for bit.
 //!
-//! Devices stand behind the three verbs of `Backend`.
+//! The processor makes the pictures, or a card (`Interactive::move_to_gpu`): devices stand behind the three verbs of `Backend`.
 
 use glam::DVec3;
 
@@ -244,7 +244,7 @@ impl Interactive {
     }
 
     /// Refines the picture until it is finished or `progress` says stop, which is noticed within a tile of it, on a card within a band that
-    /// takes some 50 ms at most: a deadline, or an event that makes the view obsolete. Says how fine it is. Fails only when the device does.
+    /// takes some 8 ms: a deadline, or an event that makes the view obsolete. Says how fine it is. Fails only when the device does.
     pub fn refine(&mut self, progress: &dyn Progress) -> Result<Detail> {
         let is_new = self.changed.is_some();
         if let Some(changes) = self.changed {

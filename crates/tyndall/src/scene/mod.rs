@@ -58,6 +58,12 @@ impl Scene {
         &self.structure
     }
 
+    /// The particles, to be hidden by rules of a test's own.
+    #[cfg(test)]
+    pub(crate) fn structure_mut(&mut self) -> &mut Structure {
+        &mut self.structure
+    }
+
     /// Colors the particles anew, with colors resolved for them in the order of their ids.
     pub fn recolor(&mut self, colors: ParticleColors) {
         self.colors = colors.arranged(self.structure.ids());

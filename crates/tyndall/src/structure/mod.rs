@@ -21,6 +21,8 @@ use crate::progress::Progress;
 use crate::source::Source;
 use build::{Record, records};
 use search::{Every, Observer, Search};
+#[cfg(feature = "gpu")]
+use selection::Bits;
 use selection::{Rule, Test, all_bits, shows};
 
 pub use bvh::{Bvh, Packing, PackingError};
@@ -243,10 +245,15 @@ impl Structure {
         each_store!(&self.store, store => store.shows(node))
     }
 
-    /// Whether all particles are shown, with the radii that were built.
+    /// What is shown, where that is not all, for a device that walks the structure; none walks `brute`.
     #[cfg(feature = "gpu")]
-    pub(crate) fn is_as_built(&self) -> bool {
-        each_store!(&self.store, store => store.is_as_built())
+    pub(crate) fn shown_bits(&self) -> Option<Bits<'_>> {
+        match &self.store {
+            Store::Bvh(bvh) => bvh.shown_bits(),
+            Store::Pkd(pkd) => pkd.shown_bits(),
+            Store::Treelets(treelets) => treelets.shown_bits(),
+            Store::Brute(_) => None,
+        }
     }
 
     /// How many particles there are; nodes count from 0 to this.
@@ -388,11 +395,6 @@ impl Brute {
 
     fn shows(&self, node: u32) -> bool {
         self.shown.as_ref().is_none_or(|shown| shows(shown, node as usize))
-    }
-
-    #[cfg(feature = "gpu")]
-    fn is_as_built(&self) -> bool {
-        self.shown.is_none() && self.radius_scale == 1.0
     }
 
     fn hits(&self, ray: &Ray, except: Option<u32>) -> impl Iterator<Item = (f32, u32)> {

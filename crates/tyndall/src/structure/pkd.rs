@@ -8,6 +8,8 @@ use glam::Vec3;
 use super::build::Record;
 use super::heap::{self, Columns, Heap, Stack};
 use super::search::{Observer, Search};
+#[cfg(feature = "gpu")]
+use super::selection::Bits;
 use super::selection::Test;
 use super::{Hit, box_slack};
 use crate::error::{Error, Result};
@@ -79,10 +81,10 @@ impl Pkd {
         self.columns.shows(node as usize)
     }
 
-    /// Whether all particles are shown, with the radii that were built.
+    /// What is shown, where that is not all.
     #[cfg(feature = "gpu")]
-    pub(super) fn is_as_built(&self) -> bool {
-        self.columns.is_as_built()
+    pub(super) fn shown_bits(&self) -> Option<Bits<'_>> {
+        self.columns.shown_bits()
     }
 
     /// See [`super::Structure::sphere`].

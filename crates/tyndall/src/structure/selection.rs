@@ -243,6 +243,16 @@ impl<'a> Test<'a> {
     }
 }
 
+/// What is shown, for a device that holds a copy and walks it there.
+#[cfg(feature = "gpu")]
+#[derive(Clone, Copy)]
+pub(crate) struct Bits<'a> {
+    /// A bit a particle, by node, sixteen a word.
+    pub(crate) particles: &'a [u16],
+    /// Which subtrees show any: of a hierarchy a byte a node with a bit for every child, of heaps a bit a node.
+    pub(crate) subtrees: &'a [u8],
+}
+
 /// A bit for each of sixteen nodes from `first` on: whether it fulfills all tests. `center` gives the center of a node below `count`.
 #[inline(always)]
 pub(super) fn bits<'a>(

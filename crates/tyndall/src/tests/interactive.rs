@@ -18,7 +18,7 @@ use crate::scene::color::{self, ParticleColors};
 use crate::scene::coloring::Range;
 use crate::scene::light::Lighting;
 use crate::structure::selection::{HalfSpace, Rule};
-use crate::structure::{Kind, Structure, pkd};
+use crate::structure::{Kind, Packing, Structure, pkd};
 use fearless_simd::Level;
 
 /// Says stop after so many questions.
@@ -104,7 +104,11 @@ impl State {
     }
 
     fn scene(&self, particles: &Particles, radii: &Radii, kind: Kind) -> Scene {
-        let mut structure = Structure::build(kind, particles.clone(), radii, self.radius_scale, &()).unwrap();
+        // Radii decide which particles share a leaf, and thereby how packed centers are rounded.
+        let is_packed = matches!(kind, Kind::Bvh(packing) if packing != Packing::Exact);
+        let (built, scale) = if is_packed { (1.0, self.radius_scale) } else { (self.radius_scale, 1.0) };
+        let mut structure = Structure::build(kind, particles.clone(), radii, built, &()).unwrap();
+        structure.scale_radii(scale);
         structure.show(&self.half_spaces.iter().copied().map(Rule::HalfSpace).collect::<Vec<_>>());
         Scene::new(structure, self.colors.clone(), self.lighting, self.background)
     }
@@ -152,7 +156,7 @@ impl Device for Cpu {
 }
 
 const KINDS: [Kind; 2] = [
-    Kind::Bvh(crate::structure::Packing::Exact),
+    Kind::Bvh(Packing::Exact),
     Kind::Pkd(pkd::Options { axis: pkd::Axis::WidestExtent, order: pkd::Order::NodeFirst }),
 ];
 
@@ -271,11 +275,11 @@ fn a_renderer_that_was_interrupted_goes_on() {
 
 #[cfg(feature = "gpu")]
 mod card {
-    use super::super::twins::{self, device, scale};
+    use super::super::twins::{self, device, device_that_hides, scale};
     use super::*;
     use crate::render::gpu::{self, Gpu, Resident};
     use crate::render::render;
-    use crate::structure::Packing;
+    use crate::structure::treelets;
 
     impl Device for Gpu {
         fn take(&self, mut interactive: Interactive) -> Interactive {
@@ -288,18 +292,24 @@ mod card {
         }
     }
 
-    const KINDS: [Kind; 4] = [
+    const KINDS: [Kind; 6] = [
         Kind::Bvh(Packing::Exact),
         Kind::Bvh(Packing::Bits16),
         Kind::Bvh(Packing::Bits11),
         Kind::Bvh(Packing::Bits8),
+        Kind::Pkd(pkd::Options { axis: pkd::Axis::WidestExtent, order: pkd::Order::NodeFirst }),
+        Kind::Treelets(treelets::Options {
+            size: 50,
+            cut: treelets::Cut::Median,
+            heap: pkd::Options { axis: pkd::Axis::RoundRobin, order: pkd::Order::NodeFirst },
+        }),
     ];
 
     #[test]
     fn changes_come_to_what_a_scene_made_that_way_shows() {
-        let Some(gpu) = device(None) else { return };
+        let Some(gpu) = device_that_hides() else { return };
         let (mut pixels, mut differing) = (0, 0);
-        change_at_random(&gpu, 24, &KINDS, |seed, scene, state, found| {
+        change_at_random(&gpu, 12, &KINDS, |seed, scene, state, found| {
             // Where all particles share a center, what a shadow ray starts on lies within rounding of the others.
             if matches!(
                 (LAWS[seed as usize % LAWS.len()], state.lighting),

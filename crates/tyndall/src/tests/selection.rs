@@ -17,14 +17,14 @@ use crate::structure::{Kind, Packing, Structure};
 use fearless_simd::Level;
 
 /// Rules of every kind, as a test states them: numbers by id with the wanted intervals, and half spaces.
-struct Rules {
+pub(super) struct Rules {
     numbers: Vec<(Vec<f64>, Vec<[f64; 2]>)>,
     half_spaces: Vec<HalfSpace>,
 }
 
 impl Rules {
     /// Random ones for `particles`: numbers that follow a coordinate, that are few, or that are noise; planes through the cloud.
-    fn random(particles: &Particles, random: &mut Random) -> Self {
+    pub(super) fn random(particles: &Particles, random: &mut Random) -> Self {
         let bounds = particles.bounds();
         let mut rules = Self { numbers: Vec::new(), half_spaces: Vec::new() };
         let kinds = 1 + random.below(7);
@@ -62,7 +62,7 @@ impl Rules {
             && self.half_spaces.iter().all(|it| it.normal.dot(center.as_dvec3()) <= it.distance)
     }
 
-    fn apply(&self, structure: &mut Structure) -> u64 {
+    pub(super) fn apply(&self, structure: &mut Structure) -> u64 {
         let column = |(numbers, _): &(Vec<f64>, _)| {
             Column::new(&Numbers::collect(numbers.len(), |id| numbers[id]), structure.ids())
         };

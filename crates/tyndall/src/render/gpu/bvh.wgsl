@@ -12,6 +12,11 @@ struct Bvh {
     slack: f32,
     // That of all, where it is one.
     radius: f32,
+    // By what the others are scaled.
+    radius_scale: f32,
+    unused_0: u32,
+    unused_1: u32,
+    unused_2: u32,
 }
 
 @group(1) @binding(0) var<uniform> bvh: Bvh;
@@ -72,16 +77,16 @@ fn size_word(at: u32) -> u32 {
 fn radius_of(leaf: u32, place: u32) -> f32 {
     if SIZES == SIZES_TABLE {
         let code = (sizes(leaf)[place >> 2u] >> (8u * (place & 3u))) & 255u;
-        return bvh.radii[code >> 2u][code & 3u];
+        return bvh.radius_scale * bvh.radii[code >> 2u][code & 3u];
     }
     if SIZES == SIZES_EACH {
-        return bitcast<f32>(sizes(4u * leaf + (place >> 2u))[place & 3u]);
+        return bvh.radius_scale * bitcast<f32>(sizes(4u * leaf + (place >> 2u))[place & 3u]);
     }
     if SIZES == SIZES_LOG {
         let at = 6u * leaf;
         let code = (size_word(at + 2u + (place >> 2u)) >> (8u * (place & 3u))) & 255u;
         let power = bitcast<f32>(size_word(at + 1u)) * f32(max(i32(code) - 1, 0));
-        return select(bitcast<f32>(size_word(at)) * exp2_series(power), 0.0, code == 0u);
+        return bvh.radius_scale * select(bitcast<f32>(size_word(at)) * exp2_series(power), 0.0, code == 0u);
     }
     return bvh.radius;
 }
@@ -107,6 +112,14 @@ fn children_of(place: u32) -> u32 {
 // Where the four words of the node at `place` are.
 fn node_at(place: u32) -> u32 {
     return 4u * (bvh.levels[level_of(place)].x + index_of(place));
+}
+
+// Whether the node at `place` has that child, and shows any of it.
+fn has_child(place: u32, child: u32) -> bool {
+    if HIDES {
+        return ((shown_children(node_at(place) >> 2u) >> child) & 1u) == 1u;
+    }
+    return child < children_of(place);
 }
 
 // The lower and the upper steps of one child, of the words of one axis.

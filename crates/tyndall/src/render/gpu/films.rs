@@ -1,6 +1,6 @@
 //! The card as a device that keeps the pictures of a scene: the scene stays there, and what changes in it is sent alone.
 
-use super::{Gpu, Picture, Resident, Seen};
+use super::{Gpu, Pace, Picture, Resident, Seen};
 use crate::error::Result;
 use crate::film::Image;
 use crate::progress::Progress;
@@ -43,7 +43,7 @@ impl Backend for Films {
             None => {
                 // The old one makes room for the new one.
                 *slot = None;
-                slot.insert(Picture::new(resident, shot.size)?)
+                slot.insert(Picture::new(resident, shot.size, Pace::Prompt)?)
             }
         };
         picture.pass(&Seen { resident, scene, view: shot.view }, &shot.added, progress)

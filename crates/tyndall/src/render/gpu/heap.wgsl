@@ -4,8 +4,9 @@
 struct Outline {
     particles: u32,
     slack: f32,
-    unused_0: u32,
-    unused_1: u32,
+    // By what the radii of spheres and heaps are scaled.
+    radius_scale: f32,
+    unused: u32,
 }
 
 @group(1) @binding(0) var<uniform> outline: Outline;
@@ -21,7 +22,7 @@ fn id_of(node: u32) -> u32 {
 
 // Center and radius of the particle at `node`.
 fn sphere_of(node: u32) -> vec4f {
-    return bitcast<vec4f>(spheres(node));
+    return bitcast<vec4f>(spheres(node)) * vec4f(1.0, 1.0, 1.0, outline.radius_scale);
 }
 
 // A run of particles that is one heap.
@@ -58,7 +59,7 @@ struct Through {
 fn through(ray: Ray, inverse: vec3f, heap: Heap) -> Through {
     let far = abs(0.5 * heap.low + 0.5 * heap.high - ray.origin) + (heap.high - heap.low);
     let farthest = max(far.x, max(far.y, far.z));
-    let margin = heap.radius * (1.0 + HIT_ROUNDING) + HIT_ROUNDING * farthest + outline.slack;
+    let margin = outline.radius_scale * heap.radius * (1.0 + HIT_ROUNDING) + HIT_ROUNDING * farthest + outline.slack;
     let to_low = (heap.low - margin - ray.origin) * inverse;
     let to_high = (heap.high + margin - ray.origin) * inverse;
     let enter = min(to_low, to_high);
@@ -71,7 +72,7 @@ fn through(ray: Ray, inverse: vec3f, heap: Heap) -> Through {
 fn try_one(ray: Ray, met: Met, node: u32, except: u32) -> Met {
     let sphere = sphere_of(node);
     let t = enter_sphere(ray, sphere.xyz, sphere.w);
-    if t < ray.t_max {
+    if t < ray.t_max && (!HIDES || shows(node)) {
         return nearer(met, t, node, except);
     }
     return met;
@@ -89,6 +90,11 @@ fn try_lowest(ray: Ray, heap: Heap, node: u32, before: Met, except: u32) -> Met 
         start = 2u * start + 1u;
     }
     return met;
+}
+
+// Whether the node at place `node` of a heap shows anything. Places of the lowest levels may lie behind the last particle.
+fn shows_below(heap: Heap, node: u32) -> bool {
+    return !HIDES || node >= heap.count || shows_any(heap.first + node);
 }
 
 // The nearest of `before` and what the ray meets in a heap; with `any` the first that it finds.
@@ -119,7 +125,7 @@ fn search_with_stack(ray: Ray, inverse: vec3f, heap: Heap, before: Met, except: 
     var region = HeapEntry(0u, whole.t_near, whole.t_far);
     var size = 0u;
     while true {
-        if region.t_near <= region.t_far && region.t_near <= met.t {
+        if region.t_near <= region.t_far && region.t_near <= met.t && shows_below(heap, region.node) {
             let node = region.node;
             if node >= lowest {
                 met = try_lowest(ray, heap, node, met, except);
@@ -165,7 +171,9 @@ fn search_without_stack(ray: Ray, inverse: vec3f, heap: Heap, before: Met, excep
     // The child that was left, or none on the way down.
     var left = NONE;
     while true {
-        if left == NONE {
+        // What was left was shown.
+        let is_shown = left != NONE || shows_below(heap, node);
+        if left == NONE && is_shown {
             if node >= lowest {
                 met = try_lowest(ray, heap, node, met, except);
             } else {
@@ -176,7 +184,7 @@ fn search_without_stack(ray: Ray, inverse: vec3f, heap: Heap, before: Met, excep
             }
         }
         var next = NONE;
-        if node < lowest {
+        if node < lowest && is_shown {
             let axis = axis_of(heap.first, node);
             let t_split = (sphere_of(heap.first + node)[axis] - ray.origin[axis]) * inverse[axis];
             let near = 2u * node + 1u + u32(inverse[axis] < 0.0);

@@ -66,6 +66,10 @@ pub(super) struct Bvh {
     pub(super) particles: u32,
     pub(super) slack: f32,
     pub(super) radius: f32,
+    pub(super) radius_scale: f32,
+    pub(super) unused_0: u32,
+    pub(super) unused_1: u32,
+    pub(super) unused_2: u32,
 }
 
 /// The outline of heaps: `Outline` in heap.wgsl.
@@ -74,8 +78,8 @@ pub(super) struct Bvh {
 pub(super) struct Outline {
     pub(super) particles: u32,
     pub(super) slack: f32,
-    pub(super) unused_0: u32,
-    pub(super) unused_1: u32,
+    pub(super) radius_scale: f32,
+    pub(super) unused: u32,
 }
 
 /// `Ray` in math.wgsl.

@@ -1,9 +1,8 @@
 //! The graphics card: the tile sample buffer, light and single rays as compute shaders, over a copy of the scene in the card's memory.
 //!
-//! [`Gpu`] is an opened device, [`Resident`] a scene on it, [`Renderer`] one picture of it; `films` keeps the pictures of
-//! a scene that changes. Work is submitted in bands of tile rows that
-//! take a bounded time each; nothing waits but for the band before the last, and for what is read back. The kernels do not check
-//! their input: the builder of the hierarchy has written it.
+//! [`Gpu`] is an opened device, [`Resident`] a scene on it, [`Renderer`] one picture of it; `films` keeps the pictures of a scene that
+//! changes. Work is submitted in bands of tile rows that take a bounded time each; nothing waits but for the band before the last, and
+//! for what is read back. The kernels do not check their input: the builder of the hierarchy has written it.
 
 mod device;
 mod film;
@@ -35,6 +34,8 @@ use shader::{Sampling, Walk};
 
 /// What a band of a picture should take at most, so that a display on the same card stays alive.
 const BAND: Duration = Duration::from_millis(50);
+/// The same of a picture that can become obsolete at any time.
+const PROMPT_BAND: Duration = Duration::from_millis(8);
 /// Rows of pixels of which a band is made; a multiple of the height of every tile.
 const BAND_ROWS: u32 = 16;
 
@@ -75,9 +76,19 @@ struct Seen<'a> {
     view: View,
 }
 
+/// How the bands of a picture are submitted.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Pace {
+    /// As large as a display bears; one is encoded while another is worked on.
+    Steady,
+    /// Short ones, each of which is waited for, so that nothing is on its way when a pass is interrupted.
+    Prompt,
+}
+
 /// The samples of one picture, and how far the pass that is under way has come.
 struct Picture {
     size: [u32; 2],
+    pace: Pace,
     film: Film,
     /// Others than those for the number of samples.
     tilings: Option<Tilings>,
@@ -96,9 +107,10 @@ struct Picture {
 
 impl Picture {
     /// Without samples. Fails with [`Error::Memory`] if it does not fit.
-    fn new(resident: &Resident, size: [u32; 2]) -> Result<Self> {
+    fn new(resident: &Resident, size: [u32; 2], pace: Pace) -> Result<Self> {
         Ok(Self {
             size,
+            pace,
             film: Film::new(resident.gpu(), resident, size)?,
             tilings: None,
             samples: 0,
@@ -221,12 +233,16 @@ impl Picture {
         }
     }
 
-    /// Submits what is left of the pass in bands. How long one takes decides how high the next ones are; a pass that fits in one does not
-    /// wait.
+    /// Submits what is left of the pass in bands. How long one takes decides how high the next ones are; at a steady pace a pass that fits in
+    /// one does not wait.
     fn bands(&mut self, seen: &Seen, kernels: &Kernels, progress: &dyn Progress) -> Result<()> {
         let [width, height] = self.size;
         let gpu = seen.resident.gpu();
         let most_rows = self.film.band_rows(gpu, kernels.samples)?;
+        let (band, always_waits) = match self.pace {
+            Pace::Steady => (BAND, false),
+            Pace::Prompt => (PROMPT_BAND, true),
+        };
         while let Some((pass, _)) = self.under_way.as_mut().filter(|(pass, _)| pass.first_row < height) {
             if progress.cancelled() {
                 return Err(Error::Interrupted);
@@ -236,12 +252,12 @@ impl Picture {
             let start = Instant::now();
             let submitted = self.film.submit_band(gpu, seen.resident, kernels, rows, None)?;
             pass.first_row += rows;
-            if rows < height {
+            if rows < height || always_waits {
                 gpu.wait(submitted)?;
                 let time = start.elapsed();
-                if time < BAND / 4 {
+                if time < band / 4 {
                     self.rows = self.rows.saturating_mul(2);
-                } else if time > BAND {
+                } else if time > band {
                     self.rows = (rows / 2).next_multiple_of(BAND_ROWS).max(BAND_ROWS);
                 }
             } else if let Some((before, since)) = self.submitted.replace((submitted, start)) {
@@ -276,7 +292,7 @@ impl<'a> Renderer<'a> {
         settings.check()?;
         let Settings { width, height, .. } = *settings;
         let view = camera.view(scene.structure().origin(), width, height)?;
-        let picture = Picture::new(resident, [width, height])?;
+        let picture = Picture::new(resident, [width, height], Pace::Steady)?;
         Ok(Self { seen: Seen { resident, scene, view }, settings: *settings, picture })
     }
 

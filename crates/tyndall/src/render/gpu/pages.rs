@@ -18,6 +18,8 @@ pub(super) struct Pages {
     pub(super) buffers: Vec<wgpu::Buffer>,
     /// Binary logarithm of the elements of a page.
     pub(super) shift: u32,
+    /// Of what was copied, without what fills the last element.
+    pub(super) bytes: u64,
 }
 
 impl Pages {
@@ -29,31 +31,39 @@ impl Pages {
     /// Copies `bytes` to the card. The end is filled up to whole elements; an empty array has no page.
     pub(super) fn upload(gpu: &Gpu, label: &str, bytes: &[u8], progress: &dyn Progress) -> Result<Self> {
         let shift = shift(gpu.page_bytes());
-        let page_bytes = (ELEMENT_BYTES << shift) as usize;
-        let mut pages = Self { buffers: Vec::new(), shift };
-        let nothing = [0_u8; ELEMENT_BYTES as usize];
-        for page in bytes.chunks(page_bytes) {
-            let size = (page.len() as u64).next_multiple_of(ELEMENT_BYTES);
+        let page_bytes = ELEMENT_BYTES << shift;
+        let mut pages = Self { buffers: Vec::new(), shift, bytes: bytes.len() as u64 };
+        let size = pages.bytes.next_multiple_of(ELEMENT_BYTES);
+        for first in (0..size).step_by(page_bytes as usize) {
             let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST;
-            let buffer = gpu.buffer(label, size, usage)?;
+            pages.buffers.push(gpu.buffer(label, page_bytes.min(size - first), usage)?);
+        }
+        pages.write(gpu, bytes, progress)?;
+        Ok(pages)
+    }
+
+    /// Copies other bytes to the card, as many as there are.
+    pub(super) fn write(&self, gpu: &Gpu, bytes: &[u8], progress: &dyn Progress) -> Result<()> {
+        let nothing = [0_u8; ELEMENT_BYTES as usize];
+        let page_bytes = (ELEMENT_BYTES << self.shift) as usize;
+        for (buffer, page) in self.buffers.iter().zip(bytes.chunks(page_bytes)) {
             for (at, chunk) in (0..).step_by(CHUNK_BYTES).zip(page.chunks(CHUNK_BYTES)) {
                 if progress.cancelled() {
                     return Err(Error::Interrupted);
                 }
                 // Only a last chunk has an end that is no whole element.
                 let whole = chunk.len() / ELEMENT_BYTES as usize * ELEMENT_BYTES as usize;
-                gpu.write(&buffer, at, &chunk[..whole]);
+                gpu.write(buffer, at, &chunk[..whole]);
                 if whole < chunk.len() {
                     let mut end = nothing;
                     end[..chunk.len() - whole].copy_from_slice(&chunk[whole..]);
-                    gpu.write(&buffer, at + whole as u64, &end);
+                    gpu.write(buffer, at + whole as u64, &end);
                 }
                 gpu.flush()?;
                 progress.advance(chunk.len() as u64);
             }
-            pages.buffers.push(buffer);
         }
-        Ok(pages)
+        Ok(())
     }
 
     /// Declares the pages from `first_binding` on, and the function `name` that reads an element; without pages it reads zeros.

@@ -27,20 +27,27 @@ fn cross_children(ray: Ray, inv_direction: vec3f, place: u32, t_far: f32) -> Chi
     let scale = steps * inv_direction;
     let shift = to_corner * inv_direction;
     let count = vec4u(children_of(place));
+    var exists0 = vec4u(0u, 1u, 2u, 3u) < count;
+    var exists1 = vec4u(4u, 5u, 6u, 7u) < count;
+    if HIDES {
+        let shown = vec4u(shown_children(at >> 2u));
+        exists0 = (shown & vec4u(1u, 2u, 4u, 8u)) != vec4u(0u);
+        exists1 = (shown & vec4u(16u, 32u, 64u, 128u)) != vec4u(0u);
+    }
 
     let x0 = cross_axis(x.x, x.z, scale.x, shift.x, give.x);
     let y0 = cross_axis(y.x, y.z, scale.y, shift.y, give.y);
     let z0 = cross_axis(z.x, z.z, scale.z, shift.z, give.z);
     let enter0 = max(max(x0.enter, y0.enter), max(z0.enter, vec4f(ray.t_min)));
     let leave0 = min(min(x0.leave, y0.leave), min(z0.leave, vec4f(t_far)));
-    let met0 = (enter0 <= leave0) & (vec4u(0u, 1u, 2u, 3u) < count);
+    let met0 = (enter0 <= leave0) & exists0;
 
     let x1 = cross_axis(x.y, x.w, scale.x, shift.x, give.x);
     let y1 = cross_axis(y.y, y.w, scale.y, shift.y, give.y);
     let z1 = cross_axis(z.y, z.w, scale.z, shift.z, give.z);
     let enter1 = max(max(x1.enter, y1.enter), max(z1.enter, vec4f(ray.t_min)));
     let leave1 = min(min(x1.leave, y1.leave), min(z1.leave, vec4f(t_far)));
-    let met1 = (enter1 <= leave1) & (vec4u(4u, 5u, 6u, 7u) < count);
+    let met1 = (enter1 <= leave1) & exists1;
     return Children(select(vec4f(FAR), enter0, met0), select(vec4f(FAR), enter1, met1));
 }
 
@@ -61,7 +68,7 @@ fn four_words(pair: vec2u) -> vec4f {
 fn four_of(leaf: u32, part: u32) -> Four {
     var radius = vec4f(bvh.radius);
     if SIZES == SIZES_EACH {
-        radius = bitcast<vec4f>(sizes(4u * leaf + part));
+        radius = bvh.radius_scale * bitcast<vec4f>(sizes(4u * leaf + part));
     } else if SIZES != SIZES_UNIFORM {
         let place = 4u * part;
         radius = vec4f(
@@ -100,8 +107,9 @@ fn four_of(leaf: u32, part: u32) -> Four {
     return Four(x * step.x + corner.x, y * step.y + corner.y, z * step.z + corner.z, radius);
 }
 
-// Where the ray enters four particles of a leaf, in one of which it may begin to be hidden before `t_far`: enter_sphere for four.
-fn enter_four(ray: Ray, four: Four) -> vec4f {
+// Where the ray enters particles 4 `part` to 4 `part` + 3 of a leaf, or FAR, as where they are not shown: enter_sphere for four.
+fn enter_four(ray: Ray, leaf: u32, part: u32) -> vec4f {
+    let four = four_of(leaf, part);
     let to_x = four.x - ray.origin.x;
     let to_y = four.y - ray.origin.y;
     let to_z = four.z - ray.origin.z;
@@ -112,7 +120,10 @@ fn enter_four(ray: Ray, four: Four) -> vec4f {
     let off_z = to_z - closest * d.z;
     let half_chord_sq = four.radius * four.radius - (off_x * off_x + off_y * off_y + off_z * off_z);
     let t = closest - sqrt(max(half_chord_sq, vec4f(0.0)));
-    let enters = (half_chord_sq > vec4f(0.0)) & (t > vec4f(ray.t_min)) & (t < vec4f(ray.t_max));
+    var enters = (half_chord_sq > vec4f(0.0)) & (t > vec4f(ray.t_min)) & (t < vec4f(ray.t_max));
+    if HIDES {
+        enters = enters & shows_four(16u * leaf + 4u * part);
+    }
     return select(vec4f(FAR), t, enters);
 }
 
@@ -182,7 +193,7 @@ fn intersect(ray: Ray, except: u32) -> Met {
         } else {
             for (var part = 0u; part < 4u; part++) {
                 let node = 16u * index + 4u * part;
-                let t = enter_four(ray, four_of(index, part));
+                let t = enter_four(ray, index, part);
                 met = nearer(met, t.x, node, except);
                 met = nearer(met, t.y, node + 1u, except);
                 met = nearer(met, t.z, node + 2u, except);
@@ -222,7 +233,7 @@ fn occluded(ray: Ray, except: u32) -> bool {
         if level == 0u {
             for (var part = 0u; part < 4u; part++) {
                 let own = vec4u(16u * index + 4u * part) + vec4u(0u, 1u, 2u, 3u);
-                let t = enter_four(ray, four_of(index, part));
+                let t = enter_four(ray, index, part);
                 if any((t < vec4f(FAR)) & (own != vec4u(except)) & (own < vec4u(bvh.particles))) {
                     return true;
                 }

@@ -1,4 +1,4 @@
-//! A scene in the card's memory: the structure as the CPU has built it, and colors by node.
+//! A scene in the card's memory: the structure as the CPU has built it, and colors by node. What changes in the scene is sent alone.
 
 use super::device::Gpu;
 use super::layout::{self, HitRecord, NONE, RayRecord};
@@ -11,10 +11,13 @@ use crate::render::interactive::Changes;
 use crate::scene::Scene;
 use crate::scene::color::ColorColumn;
 use crate::structure::bvh::{Arrays, SizeArrays};
+use crate::structure::selection::Bits;
 use crate::structure::{Hit, Store, Structure, heap};
 
 /// Storage buffers of a pass besides the scene's: points, hits, sums, nearest hits. Tiles have one more, for those that are laid aside.
 const PASS_BUFFERS: u64 = 4;
+/// The array that is there only where not all particles are shown, after all others.
+const SHOWN: &str = "shown";
 /// Rays answered at once; bounds memory and the time of a dispatch.
 const RAYS_AT_ONCE: usize = 1 << 20;
 
@@ -22,21 +25,86 @@ const RAYS_AT_ONCE: usize = 1 << 20;
 pub struct Resident {
     gpu: Gpu,
     shape: Shape,
-    group: wgpu::BindGroup,
-    pass_bindings: wgpu::BindGroupLayout,
-    pass_layout: wgpu::PipelineLayout,
+    outline: wgpu::Buffer,
+    palette: wgpu::Buffer,
+    /// In the order of their bindings.
+    columns: Vec<(&'static str, Pages)>,
+    bindings: Bindings,
+    bound: Bound,
+}
+
+/// Bindings besides the scene's.
+struct Bindings {
+    pass: wgpu::BindGroupLayout,
     /// Of the first and of the second walk.
-    aside_bindings: [wgpu::BindGroupLayout; 2],
+    aside: [wgpu::BindGroupLayout; 2],
+    rays: wgpu::BindGroupLayout,
+}
+
+/// The scene's bindings, and the layouts of kernels with them.
+struct Bound {
+    group: wgpu::BindGroup,
+    pass_layout: wgpu::PipelineLayout,
     walk_layouts: [wgpu::PipelineLayout; 2],
-    ray_bindings: wgpu::BindGroupLayout,
     ray_layout: wgpu::PipelineLayout,
-    bytes: u64,
 }
 
 /// What is loaded.
 struct Content<'a> {
     structure: Arranged<'a>,
     colors: (Colors, &'a [u8]),
+    shown: Option<Bits<'a>>,
+}
+
+/// An array of the scene.
+struct Column<'a> {
+    name: &'static str,
+    bytes: Bytes<'a>,
+    follows: Follows,
+}
+
+/// With what an array changes.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Follows {
+    Nothing,
+    Radii,
+    Colors,
+    Shown,
+}
+
+/// Where the bytes of an array come from.
+enum Bytes<'a> {
+    /// They are there.
+    Held(&'a [u8]),
+    /// Made when they are sent.
+    Spheres(&'a heap::Arrays<'a>),
+    /// The particles' bits, filled up to whole elements, and those of the subtrees.
+    Shown(Bits<'a>),
+}
+
+impl Bytes<'_> {
+    fn len(&self) -> u64 {
+        match self {
+            Self::Held(bytes) => bytes.len() as u64,
+            Self::Spheres(arrays) => size_of::<[f32; 4]>() as u64 * arrays.ids.len() as u64,
+            Self::Shown(Bits { particles, subtrees }) => {
+                (size_of_val(*particles).next_multiple_of(16) + subtrees.len()) as u64
+            }
+        }
+    }
+
+    fn read<R>(&self, take: impl FnOnce(&[u8]) -> R) -> R {
+        match self {
+            Self::Held(bytes) => take(bytes),
+            Self::Spheres(arrays) => take(bytemuck::cast_slice(&arrays.spheres())),
+            Self::Shown(Bits { particles, subtrees }) => {
+                let mut bytes = bytemuck::cast_slice(particles).to_vec();
+                bytes.resize(bytes.len().next_multiple_of(16), 0);
+                bytes.extend_from_slice(subtrees);
+                take(&bytes)
+            }
+        }
+    }
 }
 
 /// The structure.
@@ -46,7 +114,7 @@ enum Arranged<'a> {
 }
 
 impl<'a> Content<'a> {
-    /// Fails with [`Error::Setting`] or [`Error::Device`] if the structure is none that the card walks.
+    /// Fails with [`Error::Setting`] if the structure is none that the card walks.
     fn of(scene: &'a Scene) -> Result<Self> {
         let structure = match &scene.structure().store {
             Store::Bvh(bvh) => Arranged::Bvh(bvh.arrays()),
@@ -57,52 +125,57 @@ impl<'a> Content<'a> {
                 return Err(Error::setting("--structure", "brute", allowed));
             }
         };
-        if !scene.structure().is_as_built() {
-            let what = "particles that are hidden or scaled after the build are not for the GPU yet";
-            return Err(Error::Device(format!("{what}; --device cpu")));
-        }
         let colors = match scene.color_column() {
             ColorColumn::Constant(_) => (Colors::Constant, &[][..]),
             ColorColumn::Palette { places, .. } => (Colors::Palette, places),
             ColorColumn::Direct { bytes, .. } => (Colors::Direct, bytes),
         };
-        Ok(Self { structure, colors })
+        Ok(Self { structure, colors, shown: scene.structure().shown_bits() })
     }
 
     /// The arrays, in the order of their bindings.
-    fn columns(&self) -> Vec<(&'static str, &[u8])> {
+    fn columns(&self) -> Vec<Column<'_>> {
+        let column = |name, bytes, follows| Column { name, bytes: Bytes::Held(bytes), follows };
         let mut columns = match &self.structure {
-            Arranged::Bvh(arrays) => vec![
-                ("nodes", arrays.nodes),
-                ("blocks", arrays.blocks),
-                ("sizes", sizes(&arrays.sizes).1),
-                ("ids", bytemuck::cast_slice(arrays.ids)),
-            ],
+            Arranged::Bvh(arrays) => {
+                // One radius for all moves all boxes alike: see `Bvh::scaled`.
+                let is_uniform = matches!(arrays.sizes, SizeArrays::Uniform(_));
+                let boxes = if is_uniform { Follows::Nothing } else { Follows::Radii };
+                vec![
+                    column("nodes", arrays.nodes, boxes),
+                    column("blocks", arrays.blocks, Follows::Nothing),
+                    column("sizes", sizes(&arrays.sizes).1, Follows::Nothing),
+                    column("ids", bytemuck::cast_slice(arrays.ids), Follows::Nothing),
+                ]
+            }
             Arranged::Heaps(arrays) => vec![
-                ("spheres", bytemuck::cast_slice(&arrays.spheres)),
-                ("heaps", bytemuck::cast_slice(&arrays.heaps)),
-                ("axes", arrays.axes),
-                ("ids", bytemuck::cast_slice(arrays.ids)),
+                Column { name: "spheres", bytes: Bytes::Spheres(arrays), follows: Follows::Nothing },
+                column("heaps", bytemuck::cast_slice(&arrays.heaps), Follows::Nothing),
+                column("axes", arrays.axes, Follows::Nothing),
+                column("ids", bytemuck::cast_slice(arrays.ids), Follows::Nothing),
             ],
         };
         if let Arranged::Heaps(heap::Arrays { nodes: Some(nodes), .. }) = &self.structure {
-            columns.push(("nodes", bytemuck::cast_slice(&nodes.nodes)));
+            columns.push(column("nodes", bytemuck::cast_slice(&nodes.nodes), Follows::Radii));
         }
-        columns.push(("colors", self.colors.1));
+        columns.push(column("colors", self.colors.1, Follows::Colors));
+        if let Some(bits) = self.shown {
+            columns.push(Column { name: SHOWN, bytes: Bytes::Shown(bits), follows: Follows::Shown });
+        }
         columns
     }
 
     fn bytes(&self) -> u64 {
-        self.columns().iter().map(|(_, bytes)| bytes.len() as u64).sum()
+        self.columns().iter().map(|column| column.bytes.len()).sum()
     }
 
     /// Fails with [`Error::Memory`] if the card cannot hold or bind it.
     fn check(&self, gpu: &Gpu) -> Result<()> {
         let columns = self.columns();
         let pages: u64 =
-            columns.iter().map(|(_, bytes)| Pages::count(bytes.len() as u64, gpu.page_bytes())).sum();
+            columns.iter().map(|column| Pages::count(column.bytes.len(), gpu.page_bytes())).sum();
         let direct_fits = self.colors.0 != Colors::Direct || self.colors.1.len() <= u32::MAX as usize;
-        let elements_fit = columns.iter().all(|(_, bytes)| bytes.len() as u64 / 16 <= u64::from(u32::MAX));
+        let elements_fit = columns.iter().all(|column| column.bytes.len() / 16 <= u64::from(u32::MAX));
         let is_bound = pages + PASS_BUFFERS + u64::from(self.walked().0.has_tiles()) <= gpu.storage_buffers()
             && direct_fits
             && elements_fit;
@@ -115,8 +188,8 @@ impl<'a> Content<'a> {
         match &self.structure {
             Arranged::Bvh(arrays) => bytemuck::bytes_of(&bvh_outline(arrays)).to_vec(),
             Arranged::Heaps(arrays) => {
-                let particles = arrays.ids.len() as u32;
-                let outline = layout::Outline { particles, slack: arrays.slack, unused_0: 0, unused_1: 0 };
+                let &heap::Arrays { slack, radius_scale, ids, .. } = arrays;
+                let outline = layout::Outline { particles: ids.len() as u32, slack, radius_scale, unused: 0 };
                 bytemuck::bytes_of(&outline).to_vec()
             }
         }
@@ -152,13 +225,14 @@ fn bvh_outline(arrays: &Arrays) -> layout::Bvh {
         top: arrays.top,
         particles: arrays.ids.len() as u32,
         slack: arrays.slack,
+        radius_scale: arrays.radius_scale,
         ..bytemuck::Zeroable::zeroed()
     };
     for (level, of) in outline.levels.iter_mut().zip(arrays.levels) {
         [level[0], level[1]] = of;
     }
     match arrays.sizes {
-        SizeArrays::Uniform(radius) => outline.radius = radius,
+        SizeArrays::Uniform(radius) => outline.radius = arrays.radius_scale * radius,
         SizeArrays::Table { radii, .. } => outline.radii = *radii,
         SizeArrays::Each(_) | SizeArrays::Log(_) => {}
     }
@@ -181,6 +255,52 @@ fn palette(scene: &Scene) -> [[f32; 4]; 256] {
     palette
 }
 
+/// Buffers that stand before the columns among the scene's bindings: the outline and the palette.
+const UNIFORMS: usize = 2;
+
+/// Declares the columns.
+fn declared(columns: &[(&'static str, Pages)]) -> String {
+    let mut binding = UNIFORMS;
+    let declare = |(name, pages): &(&'static str, Pages)| {
+        let text = pages.declare(name, binding);
+        binding += pages.buffers.len();
+        text
+    };
+    columns.iter().map(declare).collect()
+}
+
+impl Bindings {
+    fn new(gpu: &Gpu) -> Self {
+        let of_pass = [Binding::Uniform, Binding::Read, Binding::Written, Binding::Written, Binding::Written];
+        Self {
+            pass: gpu.layout(&of_pass, 5),
+            aside: [Binding::Written, Binding::Read].map(|binding| gpu.layout(&[binding], 1)),
+            rays: gpu.layout(&[Binding::Read, Binding::Written], 2),
+        }
+    }
+
+    fn bind(
+        &self,
+        gpu: &Gpu,
+        uniforms: [&wgpu::Buffer; UNIFORMS],
+        columns: &[(&'static str, Pages)],
+        walked: Walked,
+    ) -> Bound {
+        let pages = columns.iter().flat_map(|(_, pages)| &pages.buffers);
+        let buffers: Vec<&wgpu::Buffer> = uniforms.into_iter().chain(pages).collect();
+        let scene = gpu.layout(&[Binding::Uniform; UNIFORMS], buffers.len());
+        Bound {
+            group: gpu.bind(&scene, &buffers),
+            pass_layout: gpu.pipeline_layout(&[&self.pass, &scene]),
+            walk_layouts: self.aside.each_ref().map(|aside| match walked.has_tiles() {
+                true => gpu.pipeline_layout(&[&self.pass, &scene, aside]),
+                false => gpu.pipeline_layout(&[&self.pass, &scene]),
+            }),
+            ray_layout: gpu.pipeline_layout(&[&self.rays, &scene]),
+        }
+    }
+}
+
 impl Resident {
     /// Copies the scene to the card. Fails with [`Error::Memory`] if it does not fit, with [`Error::Setting`] if its structure is none that
     /// the card walks.
@@ -188,54 +308,81 @@ impl Resident {
         let content = Content::of(scene)?;
         content.check(gpu)?;
         progress.begin("upload", Some(content.bytes()), "B");
-        let (outline, palette) = (content.outline(), palette(scene));
         let uniform = |label, bytes: &[u8]| {
             let usage = wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST;
             let buffer = gpu.buffer(label, bytes.len() as u64, usage)?;
             gpu.write(&buffer, 0, bytes);
             Ok(buffer)
         };
-        let mut buffers =
-            vec![uniform("structure", &outline)?, uniform("palette", bytemuck::cast_slice(&palette))?];
-        let uniforms = buffers.len();
-        let mut arrays = String::new();
-        for (name, bytes) in content.columns() {
-            let pages = Pages::upload(gpu, name, bytes, progress)?;
-            arrays += &pages.declare(name, buffers.len());
-            buffers.extend(pages.buffers);
+        let outline = uniform("structure", &content.outline())?;
+        let palette = uniform("palette", bytemuck::cast_slice(&palette(scene)))?;
+        let mut columns = Vec::new();
+        for Column { name, bytes, .. } in content.columns() {
+            columns.push((name, bytes.read(|bytes| Pages::upload(gpu, name, bytes, progress))?));
         }
         gpu.flush()?;
         let (walked, levels) = content.walked();
         let shape = Shape {
             walked,
             colors: content.colors.0,
+            hides: content.shown.is_some(),
             // Few different numbers, so that kernels are seldom made anew.
             levels: levels.max(4).next_multiple_of(2),
-            arrays,
+            arrays: declared(&columns),
         };
-        let scene_bindings = gpu.layout(&vec![Binding::Uniform; uniforms], buffers.len());
-        let group = gpu.bind(&scene_bindings, &buffers.iter().collect::<Vec<_>>());
-        let pass_bindings = gpu.layout(
-            &[Binding::Uniform, Binding::Read, Binding::Written, Binding::Written, Binding::Written],
-            5,
-        );
-        let aside_bindings = [Binding::Written, Binding::Read].map(|binding| gpu.layout(&[binding], 1));
-        let ray_bindings = gpu.layout(&[Binding::Read, Binding::Written], 2);
-        Ok(Self {
-            gpu: gpu.clone(),
-            group,
-            pass_layout: gpu.pipeline_layout(&[&pass_bindings, &scene_bindings]),
-            walk_layouts: aside_bindings.each_ref().map(|aside| match shape.walked.has_tiles() {
-                true => gpu.pipeline_layout(&[&pass_bindings, &scene_bindings, aside]),
-                false => gpu.pipeline_layout(&[&pass_bindings, &scene_bindings]),
-            }),
-            aside_bindings,
-            ray_layout: gpu.pipeline_layout(&[&ray_bindings, &scene_bindings]),
-            shape,
-            pass_bindings,
-            ray_bindings,
-            bytes: content.bytes(),
-        })
+        let bindings = Bindings::new(gpu);
+        let bound = bindings.bind(gpu, [&outline, &palette], &columns, walked);
+        Ok(Self { gpu: gpu.clone(), shape, outline, palette, columns, bindings, bound })
+    }
+
+    /// Takes over what changed in the scene. Whether kernels have to be made anew. Fails with [`Error::Memory`] if what is new does not fit.
+    pub(super) fn update(&mut self, scene: &Scene, changes: Changes) -> Result<bool> {
+        if changes == Changes::default() {
+            return Ok(false);
+        }
+        let content = Content::of(scene)?;
+        content.check(&self.gpu)?;
+        let has_changed = |follows| match follows {
+            Follows::Nothing => false,
+            Follows::Radii => changes.radii,
+            Follows::Colors => changes.colors,
+            Follows::Shown => changes.shown,
+        };
+        // What has another length needs other memory.
+        let mut fresh = Vec::new();
+        for Column { name, bytes, .. } in
+            content.columns().into_iter().filter(|column| has_changed(column.follows))
+        {
+            let held = self.columns.iter().find(|(held, pages)| *held == name && pages.bytes == bytes.len());
+            match held {
+                Some((_, pages)) => bytes.read(|bytes| pages.write(&self.gpu, bytes, &()))?,
+                None => fresh.push((name, bytes.read(|bytes| Pages::upload(&self.gpu, name, bytes, &()))?)),
+            }
+        }
+        if changes.radii {
+            self.gpu.write(&self.outline, 0, &content.outline());
+        }
+        if changes.colors {
+            self.gpu.write(&self.palette, 0, bytemuck::cast_slice(&palette(scene)));
+        }
+        let hides = if changes.shown { content.shown.is_some() } else { self.shape.hides };
+        if fresh.is_empty() && hides == self.shape.hides {
+            return Ok(false);
+        }
+        self.columns.retain(|(name, _)| hides || *name != SHOWN);
+        for column in fresh {
+            match self.columns.iter_mut().find(|(held, _)| *held == column.0) {
+                Some(held) => *held = column,
+                None => self.columns.push(column),
+            }
+        }
+        let uniforms = [&self.outline, &self.palette];
+        self.bound = self.bindings.bind(&self.gpu, uniforms, &self.columns, self.shape.walked);
+        let colors = if changes.colors { content.colors.0 } else { self.shape.colors };
+        let shape = Shape { colors, hides, arrays: declared(&self.columns), ..self.shape.clone() };
+        let is_another = shape != self.shape;
+        self.shape = shape;
+        Ok(is_another)
     }
 
     /// Walks the k-d trees of `pkd` and `treelets` in another way. What is found stays the same.
@@ -247,15 +394,6 @@ impl Resident {
         self
     }
 
-    /// Takes over what changed in the scene. Whether kernels have to be made anew.
-    pub(super) fn update(&mut self, scene: &Scene, changes: Changes) -> Result<bool> {
-        if changes == Changes::default() {
-            return Ok(false);
-        }
-        *self = Self::load(&self.gpu.clone(), scene, &())?;
-        Ok(true)
-    }
-
     /// The card.
     pub fn gpu(&self) -> &Gpu {
         &self.gpu
@@ -263,7 +401,7 @@ impl Resident {
 
     /// Memory that the scene takes on the card, in bytes.
     pub fn bytes(&self) -> u64 {
-        self.bytes
+        self.columns.iter().map(|(_, pages)| pages.bytes).sum()
     }
 
     pub(super) fn shape(&self) -> &Shape {
@@ -271,24 +409,24 @@ impl Resident {
     }
 
     pub(super) fn group(&self) -> &wgpu::BindGroup {
-        &self.group
+        &self.bound.group
     }
 
     pub(super) fn pass_bindings(&self) -> &wgpu::BindGroupLayout {
-        &self.pass_bindings
+        &self.bindings.pass
     }
 
     pub(super) fn pass_layout(&self) -> &wgpu::PipelineLayout {
-        &self.pass_layout
+        &self.bound.pass_layout
     }
 
     /// Bindings of what is laid aside: of the first and of the second walk.
     pub(super) fn aside_bindings(&self) -> &[wgpu::BindGroupLayout; 2] {
-        &self.aside_bindings
+        &self.bindings.aside
     }
 
     pub(super) fn walk_layouts(&self) -> &[wgpu::PipelineLayout; 2] {
-        &self.walk_layouts
+        &self.bound.walk_layouts
     }
 
     /// What each ray enters first; see [`Structure::intersect`]. `structure` is that of the scene that was loaded.
@@ -323,7 +461,7 @@ impl Resident {
         self.gpu.write(&input, 0, inputs);
         let outputs =
             self.gpu.buffer("outputs", 16 * count as u64, storage | wgpu::BufferUsages::COPY_SRC).unwrap();
-        let group = self.gpu.bind(&self.ray_bindings, &[&input, &outputs]);
+        let group = self.gpu.bind(&self.bindings.rays, &[&input, &outputs]);
         let submitted = self.dispatch(text, "evaluate", &group, count.div_ceil(64) as u32, &()).unwrap();
         self.gpu.wait(submitted).unwrap();
         self.gpu.read(&outputs, 0..outputs.size(), |values: &[[f32; 4]]| values.to_vec()).unwrap()
@@ -338,12 +476,12 @@ impl Resident {
         groups: u32,
         progress: &dyn Progress,
     ) -> Result<wgpu::SubmissionIndex> {
-        let pipeline = self.gpu.pipeline(text, entry, &self.ray_layout, progress)?;
+        let pipeline = self.gpu.pipeline(text, entry, &self.bound.ray_layout, progress)?;
         let mut encoder = self.gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         {
             let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
             pass.set_bind_group(0, group, &[]);
-            pass.set_bind_group(1, &self.group, &[]);
+            pass.set_bind_group(1, &self.bound.group, &[]);
             pass.set_pipeline(&pipeline);
             // No dimension may have more than 65535.
             let across = groups.min(1 << 15);
@@ -361,7 +499,7 @@ impl Resident {
         self.gpu.write(&input, 0, bytes);
         let size = (rays.len() * size_of::<HitRecord>()) as u64;
         let hits = self.gpu.buffer("hits of rays", size, storage | wgpu::BufferUsages::COPY_SRC)?;
-        let group = self.gpu.bind(&self.ray_bindings, &[&input, &hits]);
+        let group = self.gpu.bind(&self.bindings.rays, &[&input, &hits]);
         Ok(Batch { resident: self, count: rays.len(), hits, group })
     }
 }

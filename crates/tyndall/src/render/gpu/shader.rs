@@ -20,6 +20,7 @@ const SECOND: &str = include_str!("second.wgsl");
 const TILES: &str = include_str!("tiles.wgsl");
 const SHADE: &str = include_str!("shade.wgsl");
 const RAYS: &str = include_str!("rays.wgsl");
+const SHOWN: &str = include_str!("shown.wgsl");
 const MET: &str = include_str!("met.wgsl");
 const BOXES: &str = include_str!("boxes.wgsl");
 const HEAP: &str = include_str!("heap.wgsl");
@@ -93,6 +94,8 @@ pub(super) enum Walk {
 pub(super) struct Shape {
     pub(super) walked: Walked,
     pub(super) colors: Colors,
+    /// Whether there are particles that are not shown.
+    pub(super) hides: bool,
     /// More levels of nodes than the structure has.
     pub(super) levels: u32,
     /// Declarations of the functions that read the arrays.
@@ -207,7 +210,7 @@ impl Shape {
         head += &format!("const IS_SECOND: bool = {};\n", walk == Walk::Second);
         head += &format!("const COUNTED: bool = {};\n", walk == Walk::Counted);
         let begin = if walk == Walk::Second { SECOND } else { FIRST };
-        head + &[MATH, BVH, CAMERA, PASS, lanes, BEAM, begin, TILES].join("\n")
+        head + &[MATH, SHOWN, BVH, CAMERA, PASS, lanes, BEAM, begin, TILES].join("\n")
     }
 
     /// The kernels that light the samples.
@@ -225,15 +228,15 @@ impl Shape {
     /// The formulas of a hierarchy without any kernel.
     #[cfg(test)]
     pub(super) fn formulas(&self, sampling: Sampling) -> String {
-        self.head(sampling) + &[MATH, BVH, CAMERA, BEAM, ""].join("\n")
+        self.head(sampling) + &[MATH, SHOWN, BVH, CAMERA, BEAM, ""].join("\n")
     }
 
     /// Single rays through the structure.
     fn walk(&self) -> String {
         match self.walked {
-            Walked::Bvh(..) => [MATH, MET, BOXES, BVH, RAYS].join("\n"),
-            Walked::Pkd(_) => [MATH, MET, HEAP, PKD].join("\n"),
-            Walked::Treelets(_) => [MATH, MET, BOXES, HEAP, TREELETS].join("\n"),
+            Walked::Bvh(..) => [MATH, SHOWN, MET, BOXES, BVH, RAYS].join("\n"),
+            Walked::Pkd(_) => [MATH, SHOWN, MET, HEAP, PKD].join("\n"),
+            Walked::Treelets(_) => [MATH, SHOWN, MET, BOXES, HEAP, TREELETS].join("\n"),
         }
     }
 
@@ -275,6 +278,11 @@ impl Shape {
         number("SAMPLES", samples);
         _ = writeln!(head, "const PERSPECTIVE: bool = {perspective};");
         _ = writeln!(head, "const HIT_ROUNDING: f32 = {HIT_ROUNDING:e};");
+        _ = writeln!(head, "const HIDES: bool = {};", self.hides);
+        if !self.hides {
+            // Kernels name the array that is not there.
+            head += "fn shown(at: u32) -> vec4u { return vec4u(0xffffffffu); }\n";
+        }
         head + &self.arrays
     }
 }

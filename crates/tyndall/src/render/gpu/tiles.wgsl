@@ -249,7 +249,7 @@ fn find_hits(@builtin(workgroup_id) tile: vec3u, @builtin(local_invocation_index
                 let entry = stack[size - 1u - place_of_bit(leaves, thread / 16u)];
                 let leaf = index_of(entry.y);
                 let node = 16u * leaf + (thread & 15u);
-                if node < bvh.particles {
+                if node < bvh.particles && (!HIDES || shows(node)) {
                     let center = center_of(leaf, thread & 15u);
                     let radius = radius_of(leaf, thread & 15u);
                     let from_eye = center - view.eye;
@@ -341,7 +341,7 @@ fn find_hits(@builtin(workgroup_id) tile: vec3u, @builtin(local_invocation_index
         if thread / 8u < node_count {
             let parent = stack[size - 1u - place_of_bit(entries, thread / 8u)].y;
             let child = thread & 7u;
-            if child < children_of(parent) {
+            if has_child(parent, child) {
                 let bounds = child_box(node_at(parent), child, view.eye, margin);
                 let shadow = project(view, beam, bounds.middle, reach_of_box(view, beam, bounds.half));
                 let quads = quads_of(shadow, HALF_TILE);

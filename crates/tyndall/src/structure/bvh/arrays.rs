@@ -15,7 +15,9 @@ pub(crate) struct Arrays<'a> {
     /// The centers, leaf by leaf.
     pub(crate) blocks: &'a [u8],
     pub(crate) packing: Packing,
+    /// Radii as they were built; `radius_scale` times that is what is seen.
     pub(crate) sizes: SizeArrays<'a>,
+    pub(crate) radius_scale: f32,
     /// By node the ids.
     pub(crate) ids: &'a [u32],
     /// By how much boxes are grown against the rounding of decoded coordinates.
@@ -49,6 +51,7 @@ impl Bvh {
                 Sizes::Each(radii) => SizeArrays::Each(bytemuck::cast_slice(radii)),
                 Sizes::Log(radii) => SizeArrays::Log(bytemuck::cast_slice(radii)),
             },
+            radius_scale: self.radius_scale,
             ids: &self.ids,
             slack: self.slack,
         }

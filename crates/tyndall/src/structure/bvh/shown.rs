@@ -7,6 +7,8 @@ use rayon::prelude::*;
 
 use super::{Bvh, LEAF, Node, Place, WIDTH, power_of_two};
 use crate::math::Bounds;
+#[cfg(feature = "gpu")]
+use crate::structure::selection::Bits;
 use crate::structure::selection::{Test, Verdict, bits};
 
 /// See the module. Empty where all are shown.
@@ -48,10 +50,11 @@ impl Bvh {
         self.shown(node as usize / LEAF) >> (node as usize % LEAF) & 1 == 1
     }
 
-    /// Whether all particles are shown, with the radii that were built.
+    /// The bits, where not all are shown.
     #[cfg(feature = "gpu")]
-    pub(in crate::structure) fn is_as_built(&self) -> bool {
-        self.shown.leaves.is_empty() && self.radius_scale == 1.0
+    pub(in crate::structure) fn shown_bits(&self) -> Option<Bits<'_>> {
+        let Shown { leaves, children } = &self.shown;
+        (!leaves.is_empty()).then_some(Bits { particles: leaves, subtrees: children })
     }
 
     /// A bit for every child that has particles that are shown.

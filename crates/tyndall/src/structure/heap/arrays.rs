@@ -7,10 +7,11 @@ use super::{Columns, Heap, upper_levels};
 
 /// What a device holds of heaps.
 pub(crate) struct Arrays<'a> {
-    /// By node center and radius: sixteen bytes, where the columns here need twelve if all radii are one.
-    pub(crate) spheres: Vec<[f32; 4]>,
+    pub(in crate::structure) columns: &'a Columns,
     /// One a heap, and one more that tells where the last one ends.
     pub(crate) heaps: Vec<HeapRecord>,
+    /// By what radii are scaled, here and of the spheres.
+    pub(crate) radius_scale: f32,
     /// See [`Columns`].
     pub(crate) axes: &'a [u8],
     /// By node the ids.
@@ -51,13 +52,18 @@ pub(crate) struct HeapRecord {
     first: u32,
 }
 
+impl Arrays<'_> {
+    /// By node center and radius as it was built: sixteen bytes, where the columns here need twelve if all radii are one.
+    pub(crate) fn spheres(&self) -> Vec<[f32; 4]> {
+        let Columns { center: [x, y, z], radii, uniform, .. } = self.columns;
+        let sphere = |node: usize| [x[node], y[node], z[node], radii.get(node).copied().unwrap_or(*uniform)];
+        (0..self.ids.len()).into_par_iter().with_min_len(1 << 14).map(sphere).collect()
+    }
+}
+
 impl Columns {
     /// A copy for a device; `heaps` are all of them.
     pub(in crate::structure) fn arrays(&self, heaps: &[Heap], slack: f32) -> Arrays<'_> {
-        let spheres = (0..self.ids.len() as u32).into_par_iter().with_min_len(1 << 14).map(|node| {
-            let (center, radius) = self.sphere(node);
-            center.extend(radius).to_array()
-        });
         let record = |heap: &Heap| HeapRecord {
             low: heap.centers.min.to_array(),
             radius: heap.radius,
@@ -68,7 +74,8 @@ impl Columns {
         let heaps: Vec<HeapRecord> = heaps.iter().map(record).chain([end]).collect();
         let counts = heaps.windows(2).map(|pair| (pair[1].first - pair[0].first) as usize);
         Arrays {
-            spheres: spheres.collect(),
+            columns: self,
+            radius_scale: self.radius_scale,
             upper_levels: counts.max().map_or(0, upper_levels),
             heaps,
             axes: &self.axes,

@@ -3,6 +3,8 @@
 use rayon::prelude::*;
 
 use super::{Columns, Heap};
+#[cfg(feature = "gpu")]
+use crate::structure::selection::Bits;
 use crate::structure::selection::{RUN, Test, all_bits, shows};
 
 /// A bit a node, sixteen a word: whether it is shown itself, and whether anything of its subtree is.
@@ -41,10 +43,11 @@ impl Columns {
         self.shown.as_ref().is_none_or(|shown| shows(&shown.own, node))
     }
 
-    /// Whether all particles are shown, with the radii that were built.
+    /// The bits, where not all are shown.
     #[cfg(feature = "gpu")]
-    pub(in crate::structure) fn is_as_built(&self) -> bool {
-        self.shown.is_none() && self.radius_scale == 1.0
+    pub(in crate::structure) fn shown_bits(&self) -> Option<Bits<'_>> {
+        let Shown { own, any } = self.shown.as_ref()?;
+        Some(Bits { particles: own, subtrees: bytemuck::cast_slice(any) })
     }
 
     /// Whether anything below `node` is shown, itself included.

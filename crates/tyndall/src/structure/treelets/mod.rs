@@ -18,6 +18,8 @@ use super::heap::{self, Columns, Heap, Stack};
 use super::heap::{NodeArrays, NodeRecord};
 use super::pkd;
 use super::search::{Observer, Search};
+#[cfg(feature = "gpu")]
+use super::selection::Bits;
 use super::selection::Test;
 use super::{Hit, box_slack};
 use crate::math::{Bounds, Ray};
@@ -147,10 +149,10 @@ impl Treelets {
         self.columns.shows(node as usize)
     }
 
-    /// Whether all particles are shown, with the radii that were built.
+    /// What is shown, where that is not all.
     #[cfg(feature = "gpu")]
-    pub(super) fn is_as_built(&self) -> bool {
-        self.columns.is_as_built()
+    pub(super) fn shown_bits(&self) -> Option<Bits<'_>> {
+        self.columns.shown_bits()
     }
 
     /// See [`super::Structure::sphere`].

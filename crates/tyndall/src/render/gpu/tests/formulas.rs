@@ -12,12 +12,13 @@ use crate::scene::Scene;
 use crate::scene::camera::{Camera, Projection};
 use crate::scene::color::ParticleColors;
 use crate::scene::light::Lighting;
+use crate::structure::selection::HalfSpace;
 use crate::structure::{Kind, Packing, Structure};
 use glam::DVec3;
 
 const COUNT: usize = 4096;
 
-fn device() -> Option<Gpu> {
+pub(super) fn device() -> Option<Gpu> {
     match Gpu::open(Options { checked: true, ..Options::default() }) {
         Ok(gpu) => Some(gpu),
         Err(error) => {
@@ -184,6 +185,33 @@ fn particles_are_decoded_as_on_the_cpu() {
             }
         }
     }
+}
+
+#[test]
+fn what_is_shown_is_read_as_on_the_cpu() {
+    let Some(gpu) = device() else { return };
+    let mut scene = scene(Packing::Exact, |_| 0.01);
+    scene.select(&[], &[HalfSpace { normal: DVec3::new(1.0, 0.5, -0.3), distance: 0.45 }]).unwrap();
+    let resident = Resident::load(&gpu, &scene, &()).unwrap();
+    let structure = scene.structure();
+    let inputs: Vec<_> = (0..structure.len())
+        .map(|node| [[node as f32, 0.0, 0.0, 0.0], [0.0; 4], [0.0; 4], [0.0; 4]])
+        .collect();
+    let text = "let node = u32(a.x);
+        let four = select(vec4f(0.0), vec4f(1.0), shows_four(node & ~3u));
+        let leaf = has_child(place_of(1u, node / 128u), (node / 16u) % 8u);
+        return vec4f(select(0.0, 1.0, shows(node)), four[node & 3u], select(0.0, 1.0, leaf), 0.0);";
+    let found = evaluate(&resident, sampling(false), text, &inputs);
+    let (mut shown, mut leaves) = (0, 0);
+    for (node, found) in (0_u32..).zip(&found) {
+        let leaf = node / 16 * 16..(node / 16 * 16 + 16).min(structure.len() as u32);
+        let expected =
+            [structure.shows(node), structure.shows(node), leaf.clone().any(|it| structure.shows(it))];
+        assert_eq!(found[..3], expected.map(|it| f32::from(u8::from(it))), "node {node}");
+        shown += usize::from(expected[0]);
+        leaves += usize::from(node == leaf.start && !expected[2]);
+    }
+    assert!((200..800).contains(&shown) && leaves > 3, "{shown} are shown, {leaves} leaves show none");
 }
 
 #[test]

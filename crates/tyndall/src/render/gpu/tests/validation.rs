@@ -16,7 +16,14 @@ const COLORS: [Colors; 3] = [Colors::Constant, Colors::Palette, Colors::Direct];
 /// A scene's shape with so many pages an array.
 pub(super) fn shape(packing: Packing, sizes: Sizes, colors: Colors, pages: usize) -> Shape {
     let arrays = arrays(&["nodes", "blocks", "sizes", "ids", "colors"], pages);
-    Shape { walked: Walked::Bvh(packing, sizes), colors, levels: 6, arrays }
+    Shape { walked: Walked::Bvh(packing, sizes), colors, hides: false, levels: 6, arrays }
+}
+
+/// The same where not all particles are shown.
+fn hiding(shape: &Shape, pages: usize) -> Shape {
+    let binding = 2 + shape.arrays.matches("@binding").count();
+    let arrays = shape.arrays.clone() + &declare("shown", binding, pages, 10);
+    Shape { hides: true, arrays, ..shape.clone() }
 }
 
 /// Declares arrays of so many pages each.
@@ -29,10 +36,11 @@ fn shapes_of_heaps(walk: HeapWalk, colors: Colors, pages: usize) -> [Shape; 2] {
     let heaps = Heaps { upper_levels: 9, walk };
     let of_one = ["spheres", "heaps", "axes", "ids", "colors"];
     let of_many = ["spheres", "heaps", "axes", "ids", "nodes", "colors"];
-    [
-        Shape { walked: Walked::Pkd(heaps), colors, levels: 4, arrays: arrays(&of_one, pages) },
-        Shape { walked: Walked::Treelets(heaps), colors, levels: 6, arrays: arrays(&of_many, pages) },
-    ]
+    let shapes = [
+        (Walked::Pkd(heaps), 4, arrays(&of_one, pages)),
+        (Walked::Treelets(heaps), 6, arrays(&of_many, pages)),
+    ];
+    shapes.map(|(walked, levels, arrays)| Shape { walked, colors, hides: false, levels, arrays })
 }
 
 /// Parses and validates a shader. Panics with the place of what is wrong.
@@ -53,6 +61,8 @@ fn every_kernel_is_valid_for_every_layout() {
         for sizes in SIZES {
             let shape = shape(packing, sizes, COLORS[sizes as usize % 3], 1 + sizes as usize % 2);
             validate(&shape.rays());
+            let hiding = hiding(&shape, 1 + packing as usize % 2);
+            validate(&hiding.rays());
             for (samples, perspective) in [(1, false), (1, true), (4, false), (4, true), (16, true)] {
                 for second in seconds {
                     let tilings = Tilings { second, ..Tilings::of(samples, 0) };
@@ -63,6 +73,9 @@ fn every_kernel_is_valid_for_every_layout() {
                 }
                 let sampling = Sampling { samples, perspective, tilings: Tilings::of(samples, 0) };
                 validate(&shape.shade(sampling));
+                validate(&hiding.shade(sampling));
+                validate(&hiding.tiles(sampling, Walk::First));
+                validate(&hiding.tiles(sampling, Walk::Second));
             }
         }
     }
@@ -72,7 +85,8 @@ fn every_kernel_is_valid_for_every_layout() {
 fn every_kernel_is_valid_for_every_walk_of_heaps() {
     for walk in [HeapWalk::ShortStack, HeapWalk::StackFree] {
         for (colors, pages) in COLORS.into_iter().zip(1..) {
-            for shape in shapes_of_heaps(walk, colors, pages) {
+            let shapes = shapes_of_heaps(walk, colors, pages);
+            for shape in shapes.iter().flat_map(|shape| [shape.clone(), hiding(shape, pages)]) {
                 validate(&shape.rays());
                 for perspective in [false, true] {
                     let sampling = Sampling { samples: 4, perspective, tilings: Tilings::of(4, 0) };
@@ -115,12 +129,12 @@ fn records_stand_where_the_shaders_read_them() {
     assert_eq!(members(&module, "View"), view);
     let pass = record!(layout::Pass: view, size, first_row, pattern_px, centered, is_first, lighting, unused, nearest, lights);
     assert_eq!(members(&module, "Pass"), pass);
-    let bvh = record!(layout::Bvh: levels, radii, top, particles, slack, radius);
+    let bvh = record!(layout::Bvh: levels, radii, top, particles, slack, radius, radius_scale, unused_0, unused_1, unused_2);
     assert_eq!(members(&module, "Bvh"), bvh);
     let ray = record!(layout::RayRecord: origin, t_min, direction, t_max);
     assert_eq!(members(&validate(&shape.rays()), "Ray"), ray);
     let [_, treelets] = shapes_of_heaps(HeapWalk::default(), Colors::Constant, 1);
-    let outline = record!(layout::Outline: particles, slack, unused_0, unused_1);
+    let outline = record!(layout::Outline: particles, slack, radius_scale, unused);
     assert_eq!(members(&validate(&treelets.rays()), "Outline"), outline);
 }
 
