@@ -4,6 +4,7 @@
 //! take a bounded time each; nothing waits but for the band before the last, and for what is read back. The kernels do not check
 //! their input: the builder of the hierarchy has written it.
 
+mod build;
 mod device;
 mod film;
 mod layout;
@@ -24,6 +25,9 @@ use crate::progress::Progress;
 use crate::scene::Scene;
 use crate::scene::camera::{Camera, View};
 use crate::scene::light::Lighting;
+pub use build::Hierarchy;
+#[cfg(test)]
+pub(crate) use build::order_of;
 pub use device::{AdapterInfo, Gpu, Kind, Options, adapters};
 use film::Film;
 pub use resident::Resident;
