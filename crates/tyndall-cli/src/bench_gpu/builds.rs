@@ -57,7 +57,8 @@ impl Bench<'_> {
         }
         let progress = self.report.progress();
         let resident = Resident::load(&self.gpu, scene, progress)?;
-        self.add_build(text, "cpu", &resident, scene, camera, secs)?;
+        let row = self.row(text, "cpu", &resident, scene, camera, secs)?;
+        self.builds.add(row);
         drop(resident);
 
         let particles = synthetic::generate(text, progress)?;
@@ -81,18 +82,20 @@ impl Bench<'_> {
         let colors = ParticleColors::constant([0.7; 3]);
         let scene = Scene::new(structure, colors, Lighting::Headlight, Some([1.0; 3]));
         let resident = Resident::built(hierarchy, &scene, progress)?;
-        self.add_build(text, "gpu", &resident, &scene, camera, secs)
+        let row = self.row(text, "gpu", &resident, &scene, camera, secs)?;
+        self.builds.add(row);
+        Ok(())
     }
 
-    fn add_build(
-        &mut self,
+    fn row(
+        &self,
         text: &str,
         builder: &str,
         resident: &Resident,
         scene: &Scene,
         camera: &Camera,
         secs: Secs,
-    ) -> Outcome<()> {
+    ) -> Outcome<[Cell; BUILDS.len()]> {
         const SAMPLES: u32 = 4;
         let frames = self.frames(resident, scene, camera, SAMPLES)?;
         let mut renderer = Renderer::new(resident, scene, camera, &self.settings(SAMPLES))?;
@@ -110,7 +113,7 @@ impl Bench<'_> {
             }
         };
         let hits = frames.secs.map_or(Cell::Unknown, |secs| Cell::Number(1e3 * secs[0], 3));
-        self.builds.add([
+        Ok([
             Cell::Word(text.split('?').next().unwrap_or(text).into()),
             Cell::Count(particles),
             Cell::Word(builder.into()),
@@ -123,7 +126,6 @@ impl Bench<'_> {
             leaves,
             tests,
             hits,
-        ]);
-        Ok(())
+        ])
     }
 }

@@ -172,14 +172,14 @@ impl Plan {
         let pages = |bytes: u64| Pages::count(bytes, gpu.page_bytes()).max(1);
         let [nodes, blocks, sizes, ids] = self.arrays.map(pages);
         let (column, records) = (pages(self.column), pages(self.records));
-        // What each stage binds, besides the counts.
+        // What each stage binds, and the counts.
         let bound = [
             4 * column + records,
             2 * records,
             3 * column + records + pages(TABLE_BYTES) + blocks + sizes + ids,
             nodes + blocks + sizes + ids + records,
         ];
-        let is_bound = bound.iter().all(|bound| bound + 1 <= gpu.storage_buffers());
+        let is_bound = bound.iter().all(|&arrays| arrays < gpu.storage_buffers());
         let words_fit = self.arrays.iter().all(|bytes| bytes / 4 <= u64::from(u32::MAX));
         let has_room = gpu.info().memory_bytes.is_none_or(|bytes| self.bytes() <= bytes);
         if is_bound && words_fit && self.counts <= gpu.binding_bytes() && has_room {

@@ -8,6 +8,7 @@ use glam::Vec3;
 
 use crate::random::Stream;
 use crate::structure::Spheres;
+use crate::structure::bvh::LEAF;
 
 /// Bits of a coordinate on the curve.
 pub(in crate::render::gpu) const CURVE_BITS: u32 = 20;
@@ -19,8 +20,6 @@ const SAMPLE: usize = 1 << 14;
 const OUTLIERS: usize = 64;
 /// The lattice goes beyond the others by so many times their extent, if there is anything.
 const MARGIN: f32 = 8.0;
-/// Particles in a leaf.
-const LEAF: f32 = 16.0;
 /// A radius is large beyond so many times the usual width of a leaf.
 const GIANT: f32 = 2.0;
 
@@ -62,7 +61,7 @@ impl Order {
         let width = (high - low).max_element();
         let cells = (1 << CURVE_BITS) as f32;
         let inv_edge = if width > 0.0 { (cells / width).min(f32::MAX) } else { 0.0 };
-        Self { low, inv_edge, giant: GIANT * inner * (LEAF / count as f32).cbrt() }
+        Self { low, inv_edge, giant: GIANT * inner * (LEAF as f32 / count as f32).cbrt() }
     }
 }
 
