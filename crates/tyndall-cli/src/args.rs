@@ -288,6 +288,10 @@ pub(crate) struct Method {
     /// What renders: auto takes a graphics card if there is one and the particles fit, cpu, gpu, gpu:NAME (see `tyndall devices`)
     #[arg(long, value_name = "DEVICE", default_value = "auto")]
     pub(crate) device: Choice,
+    /// Who arranges the particles of bvh for a graphics card: cpu, whose structure is copied to the card, or gpu, which sorts them itself: a
+    /// slightly looser structure, for the same picture
+    #[arg(long, value_name = "BUILDER", default_value = "cpu")]
+    pub(crate) build: Builder,
     /// Memory that may be used, such as 500M or 16G, instead of all that is free; what does not fit is read in parts where its
     /// format allows that
     #[arg(long, value_name = "BYTES", value_parser = crate::values::bytes)]
@@ -320,6 +324,16 @@ pub(crate) struct StructureArgs {
     /// When pkd and treelets test a node's own particle: before its children, or after the near one
     #[arg(long, value_name = "ORDER", default_value = "node")]
     pub(crate) pkd_order: PkdOrder,
+}
+
+/// Who builds the structure.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Builder {
+    /// The processor: cuts along the widest axis
+    #[default]
+    Cpu,
+    /// The graphics card: a sort along a space-filling curve
+    Gpu,
 }
 
 /// How centers are held; 11 has one less for z.

@@ -3,10 +3,11 @@
 //! The stand-ins of the thesis at their own counts and the sets of `tyndall bench` at those that are given, 800x800. Frames follow each
 //! other without a wait for any but the one before, as a viewer makes them; nothing is read back. `hits ms` and `light ms` are the card's
 //! own clock. `floors` says what bounds finding hits: bytes that the walk reads at least once a tile over the memory's rate, operations over
-//! the card's peak, and the steps that wait for each other in a tile over the tiles that are at work at one time. Incoherent rays come
-//! from random points around the particles' box to random points in it; `structures` are asked them too, where there are few enough
-//! particles. More than 2^28 particles are packed in 8 bits and read in parts.
+//! the card's peak, and the steps that wait for each other in a tile over the tiles that are at work at one time. `builds` has the processor's
+//! structure beside the card's. Incoherent rays come from random points around the particles' box to random points in it; `structures` are
+//! asked them too, where there are few enough particles. More than 2^28 particles are packed in 8 bits and read in parts.
 
+mod builds;
 mod structures;
 
 use std::time::{Duration, Instant};
@@ -30,6 +31,7 @@ use crate::bench::{PROJECTIONS, SETS, camera_of_cube, rays};
 use crate::device::Choice;
 use crate::report::{Outcome, Report};
 use crate::structure;
+use builds::{BUILDS, Secs};
 
 /// At their own counts.
 const STAND_INS: [&str; 4] = ["nozzle", "virion", "fluid", "ablation"];
@@ -137,6 +139,7 @@ struct Bench<'a> {
     /// Another handle on the same card, whose kernels check themselves.
     checked: Option<Gpu>,
     pictures: Table,
+    builds: Table,
     floors: Table,
     structures: Table,
     variants: Table,
@@ -162,6 +165,7 @@ pub(crate) fn run(args: &args::Bench, report: &Report) -> Outcome<()> {
         gpu,
         checked,
         pictures: Table::new(&PICTURES),
+        builds: Table::new(&BUILDS),
         floors: Table::new(&FLOORS),
         structures: Table::new(&structures::HEADINGS),
         variants: Table::new(&VARIANTS),
@@ -172,8 +176,9 @@ pub(crate) fn run(args: &args::Bench, report: &Report) -> Outcome<()> {
         report.out(&format!("{:#}\n", bench.json()))?;
     } else {
         report.out(&bench.pictures.markdown())?;
-        for table in
-            [&bench.structures, &bench.floors, &bench.variants].into_iter().filter(|table| !table.is_empty())
+        for table in [&bench.structures, &bench.builds, &bench.floors, &bench.variants]
+            .into_iter()
+            .filter(|table| !table.is_empty())
         {
             report.out(&format!("\n{}", table.markdown()))?;
         }
@@ -223,6 +228,7 @@ impl Bench<'_> {
             "secs": self.start.elapsed().as_secs_f64(),
             "pictures": self.pictures.json(),
             "structures": self.structures.json(),
+            "builds": self.builds.json(),
             "floors": self.floors.json(),
             "variants": self.variants.json(),
         })
@@ -286,8 +292,12 @@ impl Bench<'_> {
         }
         drop(resident);
         self.measure_structures(set, count)?;
+        scene.lighting = Lighting::Headlight;
+        if let Some((_, camera)) = cameras.last() {
+            let secs = Secs { build: build_secs, copy: upload_secs };
+            self.measure_builds(&text_of(set, count), &scene, camera, secs)?;
+        }
         if self.args.variants {
-            scene.lighting = Lighting::Headlight;
             self.compare(set, &scene, &cameras)?;
         }
         Ok(())
@@ -413,10 +423,7 @@ impl Bench<'_> {
     /// Makes a set and arranges it in a structure.
     fn build(&self, set: &str, count: Option<u64>, kind: Kind) -> Outcome<Built> {
         let progress = self.report.progress();
-        let text = match count {
-            Some(count) => format!("{set}?n={count}&seed=1"),
-            None => set.to_string(),
-        };
+        let text = text_of(set, count);
         let count = synthetic::count(&text)?;
         let is_cube = SETS.contains(&set);
         if count >= STREAMED {
@@ -506,6 +513,14 @@ impl Bench<'_> {
         }
         times.sort_by(f64::total_cmp);
         Ok(count as f64 / times[times.len() / 2])
+    }
+}
+
+/// A set as the library makes it, at a count or at its own.
+fn text_of(set: &str, count: Option<u64>) -> String {
+    match count {
+        Some(count) => format!("{set}?n={count}&seed=1"),
+        None => set.to_string(),
     }
 }
 

@@ -8,6 +8,7 @@ use tyndall::scene::camera::Camera;
 use tyndall::structure::Kind;
 use tyndall::{Error, Image, Result};
 
+use crate::args::Builder;
 use crate::culling;
 use crate::report::Report;
 
@@ -42,16 +43,29 @@ impl FromStr for Choice {
 }
 
 #[cfg(feature = "gpu")]
-pub(crate) use card::{Renders, list};
+pub(crate) use card::{Held, Renders, list};
 #[cfg(not(feature = "gpu"))]
-pub(crate) use processor::{Renders, list};
+pub(crate) use processor::{Held, Renders, list};
 
-/// What decides where pictures are made.
+/// What decides where structures and pictures are made.
 #[cfg_attr(not(feature = "gpu"), expect(dead_code, reason = "the processor makes all"))]
 #[derive(Clone, Copy)]
 pub(crate) struct Work {
     pub(crate) structure: Kind,
     pub(crate) culling: Culling,
+    pub(crate) build: Builder,
+}
+
+/// Fails if a card is to build what it does not.
+fn check_builder(choice: &Choice, work: Work) -> Result<()> {
+    let allowed = match (work.build, work.structure, choice) {
+        (Builder::Gpu, _, Choice::Cpu) => "cpu with --device cpu",
+        (Builder::Gpu, Kind::Pkd(_) | Kind::Treelets(_) | Kind::Brute, _) => {
+            "cpu for structures other than bvh"
+        }
+        _ => return Ok(()),
+    };
+    Err(Error::setting("--build", "gpu", allowed))
 }
 
 /// A picture by the processor, with what culling saved.
@@ -65,14 +79,16 @@ fn on_processor(scene: &Scene, camera: &Camera, settings: &Settings, report: &Re
 /// With the feature `gpu`.
 #[cfg(feature = "gpu")]
 mod card {
-    use tyndall::render::gpu::{self, AdapterInfo, Gpu, Options, Resident};
+    use tyndall::particles::{Particles, Radii};
+    use tyndall::render::gpu::{self, AdapterInfo, Gpu, Hierarchy, Options, Resident};
     use tyndall::render::{Culling, Settings};
     use tyndall::scene::Scene;
     use tyndall::scene::camera::Camera;
-    use tyndall::structure::Kind;
+    use tyndall::structure::{Kind, Spheres, Structure};
     use tyndall::{Error, Image, Result};
 
-    use super::{Choice, Work, on_processor};
+    use super::{Choice, Work, check_builder, on_processor};
+    use crate::args::Builder;
     use crate::report::{Outcome, Report, bytes};
 
     /// One line a device, as `--device` names it.
@@ -96,12 +112,25 @@ mod card {
             gpu: Box<Gpu>,
             /// Whether nothing else will do.
             is_asked_for: bool,
+            builder: Builder,
         },
+    }
+
+    /// What the card holds of a structure before the scene is complete.
+    #[derive(Default)]
+    pub(crate) struct Held<'a>(Option<Hierarchy<'a>>);
+
+    impl Held<'_> {
+        /// Where the structure was built, for those who want to know how long it took.
+        pub(crate) fn builder(&self) -> &'static str {
+            if self.0.is_some() { " on the card" } else { "" }
+        }
     }
 
     impl Renders {
         /// Opens the device. `auto` says in a line if there is no card.
         pub(crate) fn new(choice: &Choice, work: Work, report: &Report) -> Outcome<Self> {
+            check_builder(choice, work)?;
             let is_lossy = matches!(work.culling, Culling::Confidence(_));
             let options = match choice {
                 Choice::Cpu => return Ok(Self::Processor),
@@ -119,7 +148,7 @@ mod card {
             };
             let is_asked_for = *choice != Choice::Auto;
             match Gpu::open(options) {
-                Ok(gpu) => Ok(Self::Card { gpu: Box::new(gpu), is_asked_for }),
+                Ok(gpu) => Ok(Self::Card { gpu: Box::new(gpu), is_asked_for, builder: work.build }),
                 Err(Error::Device(why)) if !is_asked_for => {
                     let threads = rayon::current_num_threads();
                     report.note(format_args!("note: {why}; CPU backend, {threads} threads"));
@@ -137,10 +166,43 @@ mod card {
             }
         }
 
+        /// Arranges particles. What a card has no room for, the processor builds, unless the card was asked for.
+        pub(crate) fn build(
+            &self,
+            kind: Kind,
+            particles: Particles,
+            radii: &Radii,
+            radius_scale: f32,
+            report: &Report,
+        ) -> Outcome<(Structure, Held<'_>)> {
+            let progress = report.progress();
+            if let (Self::Card { gpu, is_asked_for, builder: Builder::Gpu }, Kind::Bvh(packing)) =
+                (self, kind)
+            {
+                let spheres = Spheres { particles: &particles, radii, radius_scale };
+                match Hierarchy::build(gpu, spheres, packing, progress) {
+                    Ok(hierarchy) => {
+                        let structure = hierarchy.structure(particles, radii, radius_scale, progress)?;
+                        return Ok((structure, Held(Some(hierarchy))));
+                    }
+                    Err(error) if *is_asked_for || matches!(error, Error::Interrupted) => {
+                        return Err(error.into());
+                    }
+                    Err(error) => tell_why_not(&error, report),
+                }
+            }
+            let structure = Structure::build(kind, particles, radii, radius_scale, progress)?;
+            Ok((structure, Held::default()))
+        }
+
         /// Makes the scene ready. What a card has no room for, the processor renders, unless the card was asked for.
-        pub(crate) fn load(&self, scene: &Scene, report: &Report) -> Outcome<Loaded> {
-            let Self::Card { gpu, is_asked_for } = self else { return Ok(Loaded::Processor) };
-            match Resident::load(gpu, scene, report.progress()) {
+        pub(crate) fn load(&self, scene: &Scene, held: Held<'_>, report: &Report) -> Outcome<Loaded> {
+            let Self::Card { gpu, is_asked_for, .. } = self else { return Ok(Loaded::Processor) };
+            let loaded = match held.0 {
+                Some(hierarchy) => Resident::built(hierarchy, scene, report.progress()),
+                None => Resident::load(gpu, scene, report.progress()),
+            };
+            match loaded {
                 Ok(resident) => Ok(Loaded::Card(Box::new(resident))),
                 Err(error) if *is_asked_for => Err(error.into()),
                 Err(error) => {
@@ -191,12 +253,15 @@ mod card {
 /// Without the feature `gpu`.
 #[cfg(not(feature = "gpu"))]
 mod processor {
+    use tyndall::particles::{Particles, Radii};
     use tyndall::render::Settings;
     use tyndall::scene::Scene;
     use tyndall::scene::camera::Camera;
+    use tyndall::structure::{Kind, Structure};
     use tyndall::{Error, Image, Result};
 
-    use super::{Choice, Work, on_processor};
+    use super::{Choice, Work, check_builder, on_processor};
+    use crate::args::Builder;
     use crate::report::{Outcome, Report};
 
     /// One line a device.
@@ -207,21 +272,44 @@ mod processor {
     /// The processor; cards are not known.
     pub(crate) struct Renders;
 
+    /// Nothing: all is with the processor.
+    #[derive(Default)]
+    pub(crate) struct Held;
+
+    impl Held {
+        pub(crate) fn builder(&self) -> &'static str {
+            ""
+        }
+    }
+
     impl Renders {
-        pub(crate) fn new(choice: &Choice, _: Work, _: &Report) -> Outcome<Self> {
-            match choice {
-                Choice::Auto | Choice::Cpu => Ok(Self),
-                Choice::Gpu(_) => {
+        pub(crate) fn new(choice: &Choice, work: Work, _: &Report) -> Outcome<Self> {
+            check_builder(choice, work)?;
+            match (choice, work.build) {
+                (Choice::Auto | Choice::Cpu, Builder::Cpu) => Ok(Self),
+                _ => {
                     Err(Error::Device("this build knows no GPU — build it with --features gpu".into()).into())
                 }
             }
+        }
+
+        pub(crate) fn build(
+            &self,
+            kind: Kind,
+            particles: Particles,
+            radii: &Radii,
+            radius_scale: f32,
+            report: &Report,
+        ) -> Outcome<(Structure, Held)> {
+            let structure = Structure::build(kind, particles, radii, radius_scale, report.progress())?;
+            Ok((structure, Held))
         }
 
         pub(crate) fn name(&self) -> String {
             format!("cpu {} threads", rayon::current_num_threads())
         }
 
-        pub(crate) fn load(&self, _: &Scene, _: &Report) -> Outcome<&Self> {
+        pub(crate) fn load(&self, _: &Scene, _: Held, _: &Report) -> Outcome<&Self> {
             Ok(self)
         }
 

@@ -22,7 +22,7 @@ use tyndall_io::write::{self, ImageOptions};
 use tyndall_io::{Parts, Sequence};
 
 use crate::args::{self, LightLook, Mode};
-use crate::device::{self, Renders};
+use crate::device::{self, Held, Renders};
 use crate::output::Pattern;
 use crate::plan::{self, Picture};
 use crate::report::{Failure, Outcome, Report, counted, seconds};
@@ -106,7 +106,11 @@ impl<'a> Job<'a> {
             viewpoint: viewpoint(args)?,
             background: if *alpha { None } else { background },
             pattern: Pattern::new(&args.picture.output),
-            renders: Renders::new(&args.method.device, device::Work { structure, culling }, report)?,
+            renders: Renders::new(
+                &args.method.device,
+                device::Work { structure, culling, build: args.method.build },
+                report,
+            )?,
         })
     }
 
@@ -231,14 +235,16 @@ impl<'a> Job<'a> {
         let building = Instant::now();
         let (time, dropped) = (particles.time(), particles.dropped().total());
         let scale = self.args.look.radius_scale;
-        let (structure, dropped) = match &parts {
-            Some(parts) => self.stream(parts, &radii, &colors)?,
+        let ((structure, dropped), held) = match &parts {
+            Some(parts) => (self.stream(parts, &radii, &colors)?, Held::default()),
             None => {
-                let progress = self.report.progress();
-                (Structure::build(self.structure, particles, &radii, scale, progress)?, dropped)
+                let (structure, held) =
+                    self.renders.build(self.structure, particles, &radii, scale, self.report)?;
+                ((structure, dropped), held)
             }
         };
-        self.report.detail(format_args!("build: {}", seconds(building.elapsed().as_secs_f64())));
+        let secs = building.elapsed().as_secs_f64();
+        self.report.detail(format_args!("build{}: {}", held.builder(), seconds(secs)));
         if let Some(error) = structure.packing_error() {
             let text = structure::packing_error(error);
             self.tell(is_first, &text);
@@ -252,7 +258,7 @@ impl<'a> Job<'a> {
             guesses.push(text);
         }
         let loading = Instant::now();
-        let loaded = self.renders.load(&scene, self.report)?;
+        let loaded = self.renders.load(&scene, held, self.report)?;
         self.report.detail(format_args!("upload: {}", seconds(loading.elapsed().as_secs_f64())));
         for (place, picture) in pictures.iter().enumerate() {
             let rendering = Instant::now();

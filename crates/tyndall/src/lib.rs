@@ -28,6 +28,7 @@
 //! # Ok::<(), tyndall::Error>(())
 //! ```
 
+mod curve;
 pub mod error;
 pub mod film;
 pub mod math;

@@ -73,6 +73,36 @@ fn the_card_hides_what_the_processor_hides_and_writes_the_same_layers() {
 }
 
 #[test]
+fn the_card_builds_what_the_processor_builds() {
+    let folder = Folder::new();
+    folder.file("line.xyz", line_of(40));
+    if !has_adapter(&folder) {
+        return;
+    }
+    for (name, build) in [("cpu", "cpu"), ("gpu", "gpu"), ("packed", "gpu --pack 16")] {
+        let line = format!("line.xyz --device gpu --build {build} --look flat -v -o {name}.png");
+        let told = folder.render(&line).fine();
+        assert_eq!(told.contains("build on the card: "), name != "cpu", "{told}");
+        assert_eq!(told.contains("packed: centers off by"), name == "packed", "{told}");
+    }
+    let [cpu, gpu] = ["cpu.png", "gpu.png"].map(|name| png(&folder.path(name)).0);
+    assert_eq!(cpu, gpu);
+}
+
+#[test]
+fn builders_that_do_not_fit_are_refused() {
+    let folder = Folder::new();
+    folder.file("line.xyz", line_of(3));
+    let refused = folder.render("line.xyz --build gpu --device cpu -o a.png");
+    refused.fails(2, &["--build", "'gpu'", "cpu with --device cpu"]);
+    let refused = folder.render("line.xyz --build gpu --structure treelets -o a.png");
+    refused.fails(2, &["--build", "'gpu'", "other than bvh"]);
+    // Without hardware, the processor builds too.
+    let told = folder.render("line.xyz --build gpu -v -o a.png").fine();
+    assert!(told.contains("build on the card: ") != told.contains("CPU backend, "), "{told}");
+}
+
+#[test]
 fn devices_that_are_not_there_are_errors_but_for_auto() {
     let folder = Folder::new();
     folder.file("line.xyz", line_of(3));
@@ -117,6 +147,10 @@ fn cards_are_measured_and_figures_are_kept() {
         let fine = rows.filter(|row| row["1 sample frames/s"].as_f64().is_some_and(|rate| rate > 0.0));
         assert!(fine.count() >= 2, "{structure}: {json}");
     }
+    let builds = json["builds"].as_array().unwrap();
+    let builders: Vec<_> = builds.iter().map(|row| row["builder"].as_str().unwrap()).collect();
+    assert_eq!(builders, ["cpu", "gpu", "cpu", "gpu"]);
+    assert!(builds.iter().all(|row| row["build Mparticles/s"].as_f64().unwrap() > 0.0), "{json}");
     let late = folder.line("bench gpu --device gpu --sets packed --n 300 --size 16x16 --time 1 --json");
     assert_eq!(late.code, 0, "{late:?}");
 }

@@ -25,15 +25,20 @@ impl<const N: usize> Record<N> {
 
 /// All particles as records, in order of their ids. Where all radii are one, three coordinates do.
 pub(super) fn records<const N: usize>(spheres: Spheres) -> Vec<Record<N>> {
-    (0..spheres.len() as u32)
-        .into_par_iter()
-        .with_min_len(1 << 14)
-        .map(|id| {
-            let [x, y, z] = spheres.center(id as usize).to_array();
-            let sphere = [x, y, z, if N > 3 { spheres.radius(id as usize) } else { 0.0 }];
-            Record { coordinates: std::array::from_fn(|axis| sphere[axis]), id }
-        })
-        .collect()
+    (0..spheres.len() as u32).into_par_iter().with_min_len(1 << 14).map(|id| record(spheres, id)).collect()
+}
+
+/// All particles as records, in the order of `ids`.
+#[cfg(feature = "gpu")]
+pub(super) fn arranged<const N: usize>(spheres: Spheres, ids: &[u32]) -> Vec<Record<N>> {
+    ids.par_iter().with_min_len(1 << 14).map(|&id| record(spheres, id)).collect()
+}
+
+#[inline(always)]
+fn record<const N: usize>(spheres: Spheres, id: u32) -> Record<N> {
+    let [x, y, z] = spheres.center(id as usize).to_array();
+    let sphere = [x, y, z, if N > 3 { spheres.radius(id as usize) } else { 0.0 }];
+    Record { coordinates: std::array::from_fn(|axis| sphere[axis]), id }
 }
 
 /// How many records decide where to cut; more would cost a pass and change the axis almost never.

@@ -64,7 +64,7 @@ impl Spheres<'_> {
     }
 
     /// The radius of all, where that is one number.
-    fn uniform(&self) -> Option<f32> {
+    pub(crate) fn uniform(&self) -> Option<f32> {
         match self.radii {
             Radii::Uniform(radius) => Some(self.radius_scale * radius),
             _ => None,
@@ -185,6 +185,14 @@ impl Structure {
                 }
             }
         })
+    }
+
+    /// Takes a hierarchy that was built elsewhere, over these particles with radii that are `radius_scale` times those of `radii`.
+    #[cfg(feature = "gpu")]
+    pub(crate) fn of_hierarchy(bvh: Bvh, particles: Particles, radii: &Radii, radius_scale: f32) -> Self {
+        let bvh = bvh.measured(Spheres { particles: &particles, radii, radius_scale });
+        let origin = particles.positions().origin();
+        Self { origin, places: particles.into_places(), store: Store::Bvh(bvh) }
     }
 
     /// Arranges spheres of one radius that are read part by part, in a hierarchy: see [`Bvh::stream`]. Centers are offsets from

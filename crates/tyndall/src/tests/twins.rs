@@ -1,6 +1,7 @@
 //! Whole pictures of the card beside those of the CPU. Products and sums may be fused on the card, so that a ray that grazes a sphere may
 //! be decided otherwise: such pixels are counted.
 
+mod built;
 mod heaps;
 mod selection;
 
@@ -8,11 +9,12 @@ use super::scenes::{LAWS, Law, Random, camera, particles};
 use crate::error::Error;
 use crate::film::Image;
 use crate::math::Ray;
+use crate::particles::{Particles, Radii};
 use crate::render::gpu::{Gpu, Options, Renderer, Resident, Tiling, Tilings};
 use crate::render::{Settings, render};
 use crate::scene::Scene;
 use crate::scene::camera::Camera;
-use crate::scene::color;
+use crate::scene::color::{self, ParticleColors};
 use crate::scene::coloring::Range;
 use crate::scene::light::Lighting;
 use crate::structure::{Hit, Kind, Packing, Structure};
@@ -42,13 +44,8 @@ pub(super) fn device_that_hides() -> Option<Gpu> {
     (!few).then_some(gpu)
 }
 
-/// A random scene by a seed, with its camera.
-fn random_scene(seed: u64, packing: Packing, lighting: Lighting) -> (Scene, Camera) {
-    random_scene_in(Kind::Bvh(packing), seed, lighting)
-}
-
-/// The same in any structure.
-fn random_scene_in(kind: Kind, seed: u64, lighting: Lighting) -> (Scene, Camera) {
+/// Random particles by a seed, as a scene takes them, with a camera.
+fn random_particles(seed: u64) -> (Particles, Radii, ParticleColors, Camera) {
     const COUNTS: [usize; 7] = [3000, 700, 129, 17, 2, 1, 0];
     let mut random = Random::new(seed);
     let law = LAWS[seed as usize % LAWS.len()];
@@ -57,6 +54,17 @@ fn random_scene_in(kind: Kind, seed: u64, lighting: Lighting) -> (Scene, Camera)
     let camera = camera(&particles.bounds(), &mut random);
     let spec = if seed.is_multiple_of(3) { "#8090a0" } else { "radius" };
     let colors = color::resolve(&particles, &spec.parse().unwrap(), None, None, Range::Auto).unwrap();
+    (particles, radii, colors, camera)
+}
+
+/// A random scene by a seed, with its camera.
+fn random_scene(seed: u64, packing: Packing, lighting: Lighting) -> (Scene, Camera) {
+    random_scene_in(Kind::Bvh(packing), seed, lighting)
+}
+
+/// The same in any structure.
+fn random_scene_in(kind: Kind, seed: u64, lighting: Lighting) -> (Scene, Camera) {
+    let (particles, radii, colors, camera) = random_particles(seed);
     let structure = Structure::build(kind, particles, &radii, 1.0, &()).unwrap();
     (Scene::new(structure, colors, lighting, None), camera)
 }
@@ -68,8 +76,17 @@ fn on_card(
     settings: &Settings,
     tilings: Option<Tilings>,
 ) -> Image {
-    let resident = Resident::load(gpu, scene, &()).unwrap();
-    let mut renderer = Renderer::new(&resident, scene, camera, settings).unwrap();
+    picture(&Resident::load(gpu, scene, &()).unwrap(), scene, camera, settings, tilings)
+}
+
+fn picture(
+    resident: &Resident,
+    scene: &Scene,
+    camera: &Camera,
+    settings: &Settings,
+    tilings: Option<Tilings>,
+) -> Image {
+    let mut renderer = Renderer::new(resident, scene, camera, settings).unwrap();
     if let Some(tilings) = tilings {
         renderer = renderer.with_tilings(tilings);
     }
@@ -230,7 +247,7 @@ fn structures_that_the_card_does_not_walk_are_refused() {
     let mut random = Random::new(1);
     let (particles, radii) = particles(LAWS[0], 100, &mut random);
     let structure = Structure::build(Kind::Brute, particles, &radii, 1.0, &()).unwrap();
-    let scene = Scene::new(structure, color::ParticleColors::constant([1.0; 3]), Lighting::Flat, None);
+    let scene = Scene::new(structure, ParticleColors::constant([1.0; 3]), Lighting::Flat, None);
     assert!(matches!(Resident::load(&gpu, &scene, &()), Err(Error::Setting { .. })));
 }
 

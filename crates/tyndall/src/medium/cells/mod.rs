@@ -1,9 +1,8 @@
 //! Which particles are near: particles sorted into cells, and a hierarchy of boxes over the cells.
 //!
 //! Takes positions, gives the particles within a distance of a box as columns ready for lanes ([`Cells::collect`]). Particles
-//! stand in the order of a Hilbert curve (J. Skilling, "Programming the Hilbert curve", AIP Conf. Proc. 707, 2004); sixteen
-//! neighbors along it are a cell, eight cells a node, eight nodes the next, so that the tree has no pointers and cells are as
-//! small as the particles are dense.
+//! stand in the order of a Hilbert curve; sixteen neighbors along it are a cell, eight cells a node, eight nodes the next, so that
+//! the tree has no pointers and cells are as small as the particles are dense.
 //!
 //! Invariant: a box holds all centers below it; what would fill the last cell and the last node of a level is infinitely far away.
 
@@ -13,6 +12,7 @@ use glam::Vec3;
 use rayon::prelude::*;
 
 pub(super) use self::collect::{Candidates, Counted, Radius, Reach, Region, Within};
+use crate::curve::hilbert;
 use crate::math::Bounds;
 use crate::particles::Positions;
 
@@ -51,9 +51,11 @@ impl Cells {
             .fold(|| Bounds::EMPTY, |bounds, id| bounds.with(positions.offset(id)))
             .reduce(|| Bounds::EMPTY, Bounds::union);
         let scale = ((1 << CURVE_BITS) - 1) as f32 / bounds.extent().max_element().max(f32::MIN_POSITIVE);
-        let key = |id: usize| hilbert(((positions.offset(id) - bounds.min) * scale).as_uvec3().to_array());
-        let mut order: Vec<(u64, u32)> =
-            (0..positions.len()).into_par_iter().map(|id| (key(id), id as u32)).collect();
+        let cell = |id: usize| ((positions.offset(id) - bounds.min) * scale).as_uvec3().to_array();
+        let mut order: Vec<(u64, u32)> = (0..positions.len())
+            .into_par_iter()
+            .map(|id| (hilbert(cell(id), CURVE_BITS), id as u32))
+            .collect();
         order.par_sort_unstable();
 
         let cell = |sorted: &[(u64, u32)]| {
@@ -144,47 +146,6 @@ impl Node {
     }
 }
 
-/// The place of a cell of the lattice with 2^16 cells an axis on the Hilbert curve through it.
-fn hilbert(mut cell: [u32; 3]) -> u64 {
-    // Undo the excess rotations and reflections, from the coarsest cube to the finest.
-    let mut bit = 1 << (CURVE_BITS - 1);
-    while bit > 1 {
-        let mask = bit - 1;
-        for axis in 0..3 {
-            if cell[axis] & bit != 0 {
-                cell[0] ^= mask;
-            } else {
-                let swapped = (cell[0] ^ cell[axis]) & mask;
-                cell[0] ^= swapped;
-                cell[axis] ^= swapped;
-            }
-        }
-        bit >>= 1;
-    }
-    // Gray code.
-    cell[1] ^= cell[0];
-    cell[2] ^= cell[1];
-    let mut flips = 0;
-    let mut bit = 1 << (CURVE_BITS - 1);
-    while bit > 1 {
-        if cell[2] & bit != 0 {
-            flips ^= bit - 1;
-        }
-        bit >>= 1;
-    }
-    let [x, y, z] = cell.map(|it| spread(u64::from(it ^ flips)));
-    x << 2 | y << 1 | z
-}
-
-/// Sixteen bits with two zeros between neighbors.
-fn spread(mut bits: u64) -> u64 {
-    bits = (bits | bits << 32) & 0x00ff_0000_0000_ffff;
-    bits = (bits | bits << 16) & 0x00ff_0000_ff00_00ff;
-    bits = (bits | bits << 8) & 0xf00f_00f0_0f00_f00f;
-    bits = (bits | bits << 4) & 0x30c3_0c30_c30c_30c3;
-    (bits | bits << 2) & 0x9249_2492_4924_9249
-}
-
 #[cfg(test)]
 mod tests {
     use fearless_simd::{Level, dispatch};
@@ -255,24 +216,6 @@ mod tests {
             }
             assert_eq!(all.0.len(), shell.0.len() + shell.1 as usize, "seed {seed}");
             assert!(shell.1 as usize >= everywhere, "seed {seed}");
-        }
-    }
-
-    #[test]
-    fn neighbors_on_the_curve_are_neighbors_in_space() {
-        let mut cells: Vec<(u64, [u32; 3])> = Vec::new();
-        for x in 0..8 {
-            for y in 0..8 {
-                for z in 0..8 {
-                    let cell = [x, y, z].map(|it| it << (CURVE_BITS - 3));
-                    cells.push((hilbert(cell) >> (3 * (CURVE_BITS - 3)), [x, y, z]));
-                }
-            }
-        }
-        cells.sort_unstable();
-        for (place, pair) in cells.windows(2).enumerate() {
-            let steps: u32 = (0..3).map(|axis| pair[0].1[axis].abs_diff(pair[1].1[axis])).sum();
-            assert_eq!((pair[0].0, steps), (place as u64, 1));
         }
     }
 }

@@ -364,8 +364,9 @@ impl Gpu {
         if self.options.checked {
             return self.device.create_shader_module(descriptor);
         }
-        // SAFETY: every index into an array is below its length by the kernel's own arithmetic, or comes from the hierarchy as the builder
-        // wrote it and `Content` has copied it whole; every loop ends, since its stack or mask loses an entry that is not put back. The
+        // SAFETY: every index into an array is below its length by the kernel's own arithmetic (that of a sort is a sum of counts of what is
+        // sorted, an id is what the first kernel of a build wrote), or comes from the hierarchy as the builder wrote it and `Content` has
+        // copied it whole; every loop ends, since its stack or mask loses an entry that is not put back, or it has a bound. The
         // tests run the same kernels with checks, and compare.
         unsafe {
             self.device.create_shader_module_trusted(descriptor, wgpu::ShaderRuntimeChecks::unchecked())

@@ -82,6 +82,22 @@ pub(super) struct Outline {
     pub(super) unused: u32,
 }
 
+/// What a kernel of the build is told: `Task` in build/task.wgsl.
+#[derive(Clone, Copy, Debug, Pod, Zeroable, PartialEq)]
+#[repr(C)]
+pub(super) struct Task {
+    pub(super) low: [f32; 3],
+    pub(super) inv_edge: f32,
+    pub(super) giant: f32,
+    pub(super) count: u32,
+    pub(super) first: u32,
+    pub(super) runs: u32,
+    pub(super) bit: u32,
+    pub(super) level: u32,
+    pub(super) next_level: u32,
+    pub(super) nodes: u32,
+}
+
 /// `Ray` in math.wgsl.
 #[derive(Clone, Copy, Debug, Pod, Zeroable, PartialEq)]
 #[repr(C)]

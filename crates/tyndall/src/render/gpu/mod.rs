@@ -4,6 +4,7 @@
 //! changes. Work is submitted in bands of tile rows that take a bounded time each; nothing waits but for the band before the last, and
 //! for what is read back. The kernels do not check their input: the builder of the hierarchy has written it.
 
+mod build;
 mod device;
 mod film;
 mod films;
@@ -25,6 +26,9 @@ use crate::progress::Progress;
 use crate::scene::Scene;
 use crate::scene::camera::{Camera, View};
 use crate::scene::light::Lighting;
+pub use build::Hierarchy;
+#[cfg(test)]
+pub(crate) use build::order_of;
 pub use device::{AdapterInfo, Gpu, Kind, Options, adapters};
 use film::Film;
 pub(super) use films::Films;

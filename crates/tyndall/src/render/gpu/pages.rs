@@ -66,6 +66,50 @@ impl Pages {
         Ok(())
     }
 
+    /// Room for `bytes`, to be written and read back; no less than for one element.
+    pub(super) fn empty(gpu: &Gpu, label: &str, bytes: u64) -> Result<Self> {
+        let shift = shift(gpu.page_bytes());
+        let page_bytes = ELEMENT_BYTES << shift;
+        let mut pages = Self { buffers: Vec::new(), shift };
+        let mut left = bytes.max(1).next_multiple_of(ELEMENT_BYTES);
+        while left > 0 {
+            let size = left.min(page_bytes);
+            let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC;
+            pages.buffers.push(gpu.buffer(label, size, usage)?);
+            left -= size;
+        }
+        Ok(pages)
+    }
+
+    /// Waits, and reads back the first bytes.
+    pub(super) fn read(&self, gpu: &Gpu, into: &mut [u8], progress: &dyn Progress) -> Result<()> {
+        let page_bytes = (ELEMENT_BYTES << self.shift) as usize;
+        for (page, into) in self.buffers.iter().zip(into.chunks_mut(page_bytes)) {
+            for (at, into) in (0..).step_by(CHUNK_BYTES).zip(into.chunks_mut(CHUNK_BYTES)) {
+                if progress.cancelled() {
+                    return Err(Error::Interrupted);
+                }
+                // Whole elements are copied.
+                let end = at + (into.len() as u64).next_multiple_of(ELEMENT_BYTES);
+                gpu.read(page, at..end, |bytes: &[u8]| into.copy_from_slice(&bytes[..into.len()]))?;
+                progress.advance(into.len() as u64);
+            }
+        }
+        Ok(())
+    }
+
+    /// Waits, and reads back one element.
+    pub(super) fn element(&self, gpu: &Gpu, at: u64) -> Result<[f32; 4]> {
+        let page = (at >> self.shift) as usize;
+        let first = ELEMENT_BYTES * (at & ((1 << self.shift) - 1));
+        gpu.read(&self.buffers[page], first..first + ELEMENT_BYTES, |element: &[[f32; 4]]| element[0])
+    }
+
+    /// How many pages there are, and the binary logarithm of their elements.
+    pub(super) fn outline(&self) -> (usize, u32) {
+        (self.buffers.len(), self.shift)
+    }
+
     /// Declares the pages from `first_binding` on, and the function `name` that reads an element; without pages it reads zeros.
     pub(super) fn declare(&self, name: &str, first_binding: usize) -> String {
         declare(name, first_binding, self.buffers.len(), self.shift)
@@ -95,6 +139,41 @@ pub(super) fn declare(name: &str, first_binding: usize, count: usize, shift: u32
     text
 }
 
+/// Declares pages that are written from `first_binding` on, and the function `set_name` that writes an element; `name` reads one.
+pub(super) fn declare_elements(name: &str, first_binding: usize, count: usize, shift: u32) -> String {
+    let read = declare(name, first_binding, count, shift).replace("<storage, read>", "<storage, read_write>");
+    read + &setter(name, "vec4u", count, shift)
+}
+
+/// Declares pages that are written from `first_binding` on, and the function `set_name` that writes a word of four bytes.
+pub(super) fn declare_words(name: &str, first_binding: usize, count: usize, shift: u32) -> String {
+    let mut text = String::new();
+    for page in 0..count {
+        let binding = first_binding + page;
+        // Writing to a string cannot fail.
+        _ = writeln!(
+            text,
+            "@group(1) @binding({binding}) var<storage, read_write> {name}_{page}: array<u32>;"
+        );
+    }
+    text + &setter(name, "u32", count, shift + 2)
+}
+
+/// The function that writes to pages of 2^`shift` of a type.
+fn setter(name: &str, of: &str, count: usize, shift: u32) -> String {
+    let mut text = format!("fn set_{name}(at: u32, value: {of}) {{\n");
+    if count > 1 {
+        _ = writeln!(text, "    let inside = at & {}u;\n    switch at >> {shift}u {{", (1_u64 << shift) - 1);
+        for page in 1..count {
+            _ = writeln!(text, "        case {page}u: {{ {name}_{page}[inside] = value; }}");
+        }
+        _ = writeln!(text, "        default: {{ {name}_0[inside] = value; }}\n    }}\n}}");
+    } else {
+        _ = writeln!(text, "    {name}_0[at] = value;\n}}");
+    }
+    text
+}
+
 /// Binary logarithm of how many elements a page may have, no more than an index can name.
 fn shift(page_bytes: u64) -> u32 {
     (page_bytes / ELEMENT_BYTES).max(1).ilog2().min(31)
@@ -111,5 +190,12 @@ mod tests {
         assert_eq!(Pages::count(0, 1 << 20), 0);
         assert_eq!(Pages::count((1 << 20) + 1, 1 << 20), 2);
         assert_eq!(Pages::count(1 << 20, 1 << 20), 1);
+    }
+
+    #[test]
+    fn a_word_lies_in_the_page_of_its_element() {
+        let text = declare_words("ids", 3, 2, 10);
+        assert!(text.contains("@binding(4) var<storage, read_write> ids_1: array<u32>"), "{text}");
+        assert!(text.contains("at >> 12u") && text.contains("at & 4095u"), "{text}");
     }
 }

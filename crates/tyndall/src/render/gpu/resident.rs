@@ -1,5 +1,6 @@
 //! A scene in the card's memory: the structure as the CPU has built it, and colors by node. What changes in the scene is sent alone.
 
+use super::build::Hierarchy;
 use super::device::Gpu;
 use super::layout::{self, HitRecord, NONE, RayRecord};
 use super::pages::Pages;
@@ -305,9 +306,27 @@ impl Resident {
     /// Copies the scene to the card. Fails with [`Error::Memory`] if it does not fit, with [`Error::Setting`] if its structure is none that
     /// the card walks.
     pub fn load(gpu: &Gpu, scene: &Scene, progress: &dyn Progress) -> Result<Self> {
+        Self::of(gpu, scene, Vec::new(), progress)
+    }
+
+    /// Takes over a hierarchy that the card has built, and copies the colors; `scene` has the structure that was read back from it. Fails
+    /// as [`Resident::load`] does.
+    pub fn built(hierarchy: Hierarchy, scene: &Scene, progress: &dyn Progress) -> Result<Self> {
+        let content = Content::of(scene)?;
+        let sizes = content.columns().into_iter().map(|column| column.bytes.len());
+        if !hierarchy.array_bytes().into_iter().eq(sizes.take(4)) {
+            return Err(Error::Device("the scene's structure is not the one that the GPU has built".into()));
+        }
+        Self::of(hierarchy.gpu(), scene, hierarchy.into_arrays().into(), progress)
+    }
+
+    /// The first arrays stand on the card already, in the order of their bindings.
+    fn of(gpu: &Gpu, scene: &Scene, there: Vec<Pages>, progress: &dyn Progress) -> Result<Self> {
         let content = Content::of(scene)?;
         content.check(gpu)?;
-        progress.begin("upload", Some(content.bytes()), "B");
+        let uploaded = content.columns().into_iter().skip(there.len()).map(|column| column.bytes.len());
+        progress.begin("upload", Some(uploaded.sum()), "B");
+        let mut there = there.into_iter();
         let uniform = |label, bytes: &[u8]| {
             let usage = wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST;
             let buffer = gpu.buffer(label, bytes.len() as u64, usage)?;
@@ -318,7 +337,11 @@ impl Resident {
         let palette = uniform("palette", bytemuck::cast_slice(&palette(scene)))?;
         let mut columns = Vec::new();
         for Column { name, bytes, .. } in content.columns() {
-            columns.push((name, bytes.read(|bytes| Pages::upload(gpu, name, bytes, progress))?));
+            let pages = match there.next() {
+                Some(pages) => pages,
+                None => bytes.read(|bytes| Pages::upload(gpu, name, bytes, progress))?,
+            };
+            columns.push((name, pages));
         }
         gpu.flush()?;
         let (walked, levels) = content.walked();
@@ -538,7 +561,7 @@ pub(super) enum Binding {
 
 impl Gpu {
     /// A layout that begins with `bindings` and goes on with buffers that are read, `count` in all.
-    fn layout(&self, bindings: &[Binding], count: usize) -> wgpu::BindGroupLayout {
+    pub(super) fn layout(&self, bindings: &[Binding], count: usize) -> wgpu::BindGroupLayout {
         let entry = |binding: usize| wgpu::BindGroupLayoutEntry {
             binding: binding as u32,
             visibility: wgpu::ShaderStages::COMPUTE,
@@ -558,7 +581,7 @@ impl Gpu {
             .create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label: None, entries: &entries })
     }
 
-    fn pipeline_layout(&self, groups: &[&wgpu::BindGroupLayout]) -> wgpu::PipelineLayout {
+    pub(super) fn pipeline_layout(&self, groups: &[&wgpu::BindGroupLayout]) -> wgpu::PipelineLayout {
         let groups: Vec<_> = groups.iter().map(|&group| Some(group)).collect();
         self.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
             label: None,

@@ -8,8 +8,8 @@ use super::layout;
 use crate::math::HIT_ROUNDING;
 use crate::structure::Packing;
 
-const MATH: &str = include_str!("math.wgsl");
-const BVH: &str = include_str!("bvh.wgsl");
+pub(super) const MATH: &str = include_str!("math.wgsl");
+pub(super) const BVH: &str = include_str!("bvh.wgsl");
 const CAMERA: &str = include_str!("camera.wgsl");
 const PASS: &str = include_str!("pass.wgsl");
 const LANES1: &str = include_str!("lanes1.wgsl");
@@ -223,6 +223,13 @@ impl Shape {
         // They depend on no picture.
         let sampling = Sampling { samples: 1, perspective: false, tilings: Tilings::of(1, 0) };
         self.head(sampling) + &self.walk() + "\n" + INTERSECT
+    }
+
+    /// A kernel that builds: the arrays and these texts.
+    pub(super) fn build(&self, texts: &[&str]) -> String {
+        // It depends on no picture.
+        let sampling = Sampling { samples: 1, perspective: false, tilings: Tilings::of(1, 0) };
+        self.head(sampling) + &texts.join("\n")
     }
 
     /// The formulas of a hierarchy without any kernel.

@@ -1,8 +1,15 @@
-//! The hierarchy's memory as it is, for a device that holds a copy and walks it there.
+//! The hierarchy's memory as it is, for a device that holds a copy and walks it there, or that has built it.
 //!
 //! Layouts: [`Node`], the blocks of each [`Packing`], and the radii of `sizes`; all are written once, by the builder.
 
-use super::{Bvh, LEVELS, Packing, sizes::Sizes};
+use super::block::Blocks;
+use super::build::Levels;
+use super::shown::Shown;
+use super::sizes::{Law, Sizes, padded};
+use super::{Bvh, LEAF, LEVELS, Node, Packing, box_slack};
+use crate::error::Result;
+use crate::math::Bounds;
+use crate::pages;
 
 /// What a copy has to hold.
 pub(crate) struct Arrays<'a> {
@@ -36,6 +43,14 @@ pub(crate) enum SizeArrays<'a> {
     Log(&'a [u8]),
 }
 
+#[cfg(test)]
+impl SizeArrays<'_> {
+    /// Whether radii are powers of two that are not whole.
+    pub(crate) fn is_log(&self) -> bool {
+        matches!(self, Self::Log(_))
+    }
+}
+
 impl Bvh {
     /// Its memory as it is.
     pub(crate) fn arrays(&self) -> Arrays<'_> {
@@ -55,5 +70,118 @@ impl Bvh {
             ids: &self.ids,
             slack: self.slack,
         }
+    }
+}
+
+/// What a hierarchy will be like, before anything of it is written: for a device that builds it.
+pub(crate) struct Outline {
+    pub(crate) particles: usize,
+    levels: Levels,
+    pub(crate) packing: Packing,
+    law: Law,
+}
+
+/// The arrays of a hierarchy, in this order wherever they stand in a row.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Array {
+    Nodes,
+    Blocks,
+    Sizes,
+    Ids,
+}
+
+impl Outline {
+    /// Over so many particles with one radius.
+    pub(crate) fn uniform(particles: usize, radius: f32, packing: Packing) -> Self {
+        Self { particles, levels: Levels::over(particles), packing, law: Law::Uniform(radius) }
+    }
+
+    /// Over particles with these radii.
+    pub(crate) fn of(radii: &[f32], packing: Packing) -> Self {
+        let law = Law::of(radii, packing);
+        Self { particles: radii.len(), levels: Levels::over(radii.len()), packing, law }
+    }
+
+    /// By level where it begins among the nodes, and how many it has; level 0 are the leaves.
+    pub(crate) fn levels(&self) -> [[u32; 2]; LEVELS] {
+        std::array::from_fn(|level| [self.levels.first[level], self.levels.count[level]])
+    }
+
+    /// The root's level; 0 without particles.
+    pub(crate) fn top(&self) -> u32 {
+        self.levels.top.into()
+    }
+
+    /// How many leaves there are.
+    pub(crate) fn leaves(&self) -> usize {
+        self.particles.div_ceil(LEAF)
+    }
+
+    /// How radii are held.
+    pub(crate) fn law(&self) -> &Law {
+        &self.law
+    }
+
+    /// The table of radii, where there is one, filled up with zeros.
+    pub(crate) fn table(&self) -> Box<[f32; 256]> {
+        match &self.law {
+            Law::Table(table) => padded(table),
+            _ => padded(&[]),
+        }
+    }
+
+    fn nodes(&self) -> usize {
+        self.levels.count[1..].iter().map(|&count| count as usize).sum()
+    }
+
+    /// Bytes of each [`Array`].
+    pub(crate) fn bytes(&self) -> [u64; 4] {
+        let block = match self.packing {
+            Packing::Exact => 12 * LEAF,
+            Packing::Bits16 => 16 + 6 * LEAF,
+            Packing::Bits11 => 16 + 4 * LEAF,
+            Packing::Bits8 => 16 + 3 * LEAF,
+        };
+        let sizes = match self.law {
+            Law::Uniform(_) => 0,
+            Law::Table(_) => LEAF,
+            Law::Each => 4 * LEAF,
+            Law::Log => 8 + LEAF,
+        };
+        let leaves = self.leaves();
+        [size_of::<Node>() * self.nodes(), block * leaves, sizes * leaves, 4 * self.particles]
+            .map(|bytes| bytes as u64)
+    }
+
+    /// The hierarchy, of whose arrays `read` fills the bytes; `bounds` is the root's box.
+    pub(crate) fn read(
+        &self,
+        bounds: Bounds,
+        mut read: impl FnMut(Array, &mut [u8]) -> Result<()>,
+    ) -> Result<Bvh> {
+        let mut nodes = pages::filled(self.nodes(), Node::default());
+        let mut blocks = Blocks::zeroed(self.packing, self.leaves());
+        let mut sizes = Sizes::zeroed(&self.law, self.leaves());
+        let mut ids = pages::filled(self.particles, 0_u32);
+        read(Array::Nodes, bytemuck::cast_slice_mut(&mut nodes))?;
+        read(Array::Blocks, blocks.as_bytes_mut())?;
+        read(Array::Sizes, sizes.as_bytes_mut())?;
+        read(Array::Ids, bytemuck::cast_slice_mut(&mut ids))?;
+        let Levels { first, count, top } = self.levels;
+        Ok(Bvh {
+            nodes,
+            first,
+            count,
+            top,
+            blocks,
+            sizes,
+            radius_scale: 1.0,
+            ids,
+            slack: box_slack(&bounds),
+            bounds,
+            boxes: bounds,
+            packing_error: None,
+            shown: Shown::default(),
+        })
     }
 }

@@ -300,6 +300,23 @@ impl Blocks {
         }
     }
 
+    /// Room for `count`.
+    #[cfg(feature = "gpu")]
+    pub(super) fn zeroed(packing: Packing, count: usize) -> Self {
+        match packing {
+            Packing::Exact => Self::Exact(pages::filled(count, Zeroable::zeroed())),
+            Packing::Bits16 => Self::Bits16(pages::filled(count, Zeroable::zeroed())),
+            Packing::Bits11 => Self::Bits11(pages::filled(count, Zeroable::zeroed())),
+            Packing::Bits8 => Self::Bits8(pages::filled(count, Zeroable::zeroed())),
+        }
+    }
+
+    /// Their memory, to be written.
+    #[cfg(feature = "gpu")]
+    pub(super) fn as_bytes_mut(&mut self) -> &mut [u8] {
+        each_blocks!(self, blocks => bytemuck::cast_slice_mut(blocks))
+    }
+
     /// Their memory as it is.
     #[cfg(feature = "gpu")]
     pub(super) fn as_bytes(&self) -> &[u8] {

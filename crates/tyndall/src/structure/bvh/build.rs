@@ -11,6 +11,10 @@ use super::{Bvh, LEAF, LEVELS, Node, WIDTH, box_slack, packing_error};
 use crate::error::{Error, Result};
 use crate::math::Bounds;
 use crate::progress::Progress;
+#[cfg(feature = "gpu")]
+use crate::structure::Spheres;
+#[cfg(feature = "gpu")]
+use crate::structure::build::arranged;
 use crate::structure::build::{PROBES, Record, cut, widest};
 
 /// Below this many particles a subtree is sorted by one thread.
@@ -49,10 +53,22 @@ impl Bvh {
         Ok(Self { packing_error, ..bvh })
     }
 
+    /// The same hierarchy, with what packing cost beside the `spheres` that it was built from.
+    #[cfg(feature = "gpu")]
+    pub(in crate::structure) fn measured(self, spheres: Spheres) -> Self {
+        if self.blocks.packing() == Packing::Exact {
+            return self;
+        }
+        let packing_error = Some(match spheres.uniform() {
+            Some(radius) => packing_error::measure(&arranged::<3>(spheres, &self.ids), radius, &self),
+            None => packing_error::measure(&arranged::<4>(spheres, &self.ids), 0.0, &self),
+        });
+        Self { packing_error, ..self }
+    }
+
     /// Puts nodes over leaves of particles with `radius_scale` times the radii of `sizes`.
     pub(super) fn over(blocks: Blocks, sizes: Sizes, ids: Vec<u32>, radius_scale: f32) -> Self {
-        let (mut first, mut count) = ([0; LEVELS], [0; LEVELS]);
-        count[0] = ids.len().div_ceil(LEAF) as u32;
+        let Levels { first, count, top } = Levels::over(ids.len());
         let mut boxes: Vec<Bounds> = (0..count[0] as usize)
             .into_par_iter()
             .with_min_len(1 << 10)
@@ -66,16 +82,12 @@ impl Bvh {
             })
             .collect();
         let mut nodes: Vec<Node> = Vec::new();
-        let mut top = 0;
-        while boxes.len() > 1 || (top == 0 && !boxes.is_empty()) {
-            top += 1;
-            first[top] = nodes.len() as u32;
+        for _ in 0..top {
             nodes.par_extend(boxes.par_chunks(WIDTH).map(Node::encode));
             boxes = boxes
                 .par_chunks(WIDTH)
                 .map(|boxes| boxes.iter().copied().fold(Bounds::EMPTY, Bounds::union))
                 .collect();
-            count[top] = boxes.len() as u32;
         }
         let bounds = boxes.first().copied().unwrap_or(Bounds::EMPTY);
         let slack = box_slack(&bounds);
@@ -83,7 +95,7 @@ impl Bvh {
             nodes,
             first,
             count,
-            top: top as u8,
+            top,
             blocks,
             sizes,
             radius_scale,
@@ -94,6 +106,30 @@ impl Bvh {
             packing_error: None,
             shown: Shown::default(),
         }
+    }
+}
+
+/// What levels a hierarchy has: see [`Bvh`].
+pub(super) struct Levels {
+    pub(super) first: [u32; LEVELS],
+    pub(super) count: [u32; LEVELS],
+    pub(super) top: u8,
+}
+
+impl Levels {
+    /// Those over so many particles.
+    pub(super) fn over(particles: usize) -> Self {
+        let mut levels = Self { first: [0; LEVELS], count: [0; LEVELS], top: 0 };
+        let (mut count, mut nodes) = (particles.div_ceil(LEAF) as u32, 0);
+        levels.count[0] = count;
+        while count > 1 || (levels.top == 0 && count > 0) {
+            count = count.div_ceil(WIDTH as u32);
+            levels.top += 1;
+            levels.first[levels.top as usize] = nodes;
+            levels.count[levels.top as usize] = count;
+            nodes += count;
+        }
+        levels
     }
 }
 

@@ -10,6 +10,8 @@
 mod arrays;
 mod block;
 mod build;
+#[cfg(test)]
+mod check;
 mod packing_error;
 mod rays;
 mod shown;
@@ -23,13 +25,15 @@ use super::box_slack;
 use crate::math::{Bounds, HIT_ROUNDING};
 use crate::simd::{Lanes3, floats_of_bytes};
 #[cfg(feature = "gpu")]
-pub(crate) use arrays::{Arrays, SizeArrays};
+pub(crate) use arrays::{Array, Arrays, Outline, SizeArrays};
 pub use block::Packing;
 use block::{Blocks, power_of_two, step_exponent};
 use bytemuck::{Pod, Zeroable};
 pub use packing_error::PackingError;
 pub(super) use rays::Slabs;
 use shown::Shown;
+#[cfg(feature = "gpu")]
+pub(crate) use sizes::Law;
 use sizes::Sizes;
 
 /// Particles in a leaf.
@@ -260,44 +264,23 @@ mod tests {
         }
     }
 
-    /// Walks the whole tree, checks every box, and collects the nodes.
-    fn visit(bvh: &Bvh, place: Place, nodes: &mut Vec<u32>) -> Bounds {
-        if place.level == 0 {
-            let first = place.index * LEAF as u32;
-            let own = first..(first + LEAF as u32).min(bvh.ids.len() as u32);
-            nodes.extend(own.clone());
-            let sphere = |node| {
-                let (center, radius) = bvh.sphere(node);
-                Bounds { min: center, max: center }.grown(radius)
-            };
-            return own.map(sphere).fold(Bounds::EMPTY, Bounds::union);
-        }
-        let node = bvh.node(place);
-        let mut all = Bounds::EMPTY;
-        for child in (0..WIDTH).filter(|child| bvh.existing(place) >> child & 1 == 1) {
-            let inside = visit(bvh, bvh.child(place, child), nodes);
-            let [min, max] = node.decoded(child);
-            assert!(min.cmple(inside.min + bvh.slack).all());
-            assert!(max.cmpge(inside.max - bvh.slack).all());
-            all = all.union(inside);
-        }
-        all
-    }
-
     #[test]
     fn every_particle_is_in_one_leaf_and_every_box_holds_what_is_below_it() {
         for packing in [Packing::Exact, Packing::Bits16, Packing::Bits11, Packing::Bits8] {
             for count in [0, 1, 2, 15, 16, 17, 127, 128, 129, 1000, 1025, 16 * 8 * 9, 40_000] {
                 let bvh = build(count, packing);
-                let mut nodes = Vec::new();
-                if let Some(root) = bvh.root() {
-                    visit(&bvh, root, &mut nodes);
-                }
-                assert!(nodes.into_iter().eq(0..count as u32), "{count} particles");
-                let mut ids = bvh.ids.clone();
-                ids.sort_unstable();
-                assert!(ids.into_iter().eq(0..count as u32), "{count} particles");
+                bvh.check().unwrap_or_else(|broken| panic!("{packing:?}, {count} particles: {broken}"));
             }
+        }
+    }
+
+    #[test]
+    fn what_is_broken_is_seen() {
+        for (number, sabotage) in check::SABOTAGES.into_iter().enumerate() {
+            let mut bvh = build(1000, Packing::Exact);
+            assert_eq!(bvh.check(), Ok(()));
+            sabotage(&mut bvh);
+            assert!(bvh.check().is_err(), "sabotage {number}");
         }
     }
 

@@ -5,6 +5,8 @@ use fearless_simd::{f32x16, prelude::*};
 
 use super::LEAF;
 use super::block::Packing;
+#[cfg(feature = "gpu")]
+use crate::pages;
 
 /// Radii of sixteen particles, packed: 8 bits each, in equal ratios from the least.
 #[derive(Clone, Copy, Pod, Zeroable)]
@@ -76,18 +78,17 @@ impl Sizes {
     /// Holds radii that come in leaf by leaf: sixteen a leaf, the last one may have fewer.
     pub(super) fn encode(radii: &[f32], packing: Packing) -> Self {
         let leaves = radii.chunks(LEAF);
-        if let Some(table) = table(radii) {
+        let law = Law::of(radii, packing);
+        if let Law::Table(table) = law {
             let code = |radius: f32| table.binary_search_by(|it| it.total_cmp(&radius)).unwrap_or(0) as u8;
             let codes = leaves.map(|leaf| {
                 let mut codes = [0; LEAF];
                 codes.iter_mut().zip(leaf).for_each(|(slot, &radius)| *slot = code(radius));
                 codes
             });
-            let mut padded = Box::new([0.0; 256]);
-            padded[..table.len()].copy_from_slice(&table);
-            return Self::Table { codes: codes.collect(), radii: padded };
+            return Self::Table { codes: codes.collect(), radii: padded(&table) };
         }
-        if packing == Packing::Exact {
+        if matches!(law, Law::Each) {
             let each = leaves.map(|leaf| {
                 let mut each = [0.0; LEAF];
                 each[..leaf.len()].copy_from_slice(leaf);
@@ -96,6 +97,30 @@ impl Sizes {
             return Self::Each(each.collect());
         }
         Self::Log(leaves.map(LogRadii::encode).collect())
+    }
+
+    /// Room for the radii of so many leaves.
+    #[cfg(feature = "gpu")]
+    pub(super) fn zeroed(law: &Law, leaves: usize) -> Self {
+        match law {
+            Law::Uniform(radius) => Self::Uniform(*radius),
+            Law::Table(table) => {
+                Self::Table { radii: padded(table), codes: pages::filled(leaves, [0; LEAF]) }
+            }
+            Law::Each => Self::Each(pages::filled(leaves, [0.0; LEAF])),
+            Law::Log => Self::Log(pages::filled(leaves, LogRadii::zeroed())),
+        }
+    }
+
+    /// The memory that stands leaf by leaf.
+    #[cfg(feature = "gpu")]
+    pub(super) fn as_bytes_mut(&mut self) -> &mut [u8] {
+        match self {
+            Self::Uniform(_) => &mut [],
+            Self::Table { codes, .. } => codes.as_flattened_mut(),
+            Self::Each(radii) => bytemuck::cast_slice_mut(radii),
+            Self::Log(radii) => bytemuck::cast_slice_mut(radii),
+        }
     }
 
     /// The radii of a leaf's particles.
@@ -141,6 +166,35 @@ impl Sizes {
             Self::Log(radii) => size_of_val(&radii[..]),
         }
     }
+}
+
+/// How radii are held.
+pub(crate) enum Law {
+    /// All alike.
+    #[cfg(feature = "gpu")]
+    Uniform(f32),
+    /// The different ones, in ascending order.
+    Table(Vec<f32>),
+    Each,
+    Log,
+}
+
+impl Law {
+    /// How these are held, in any order.
+    pub(super) fn of(radii: &[f32], packing: Packing) -> Self {
+        match (table(radii), packing) {
+            (Some(table), _) => Self::Table(table),
+            (None, Packing::Exact) => Self::Each,
+            (None, _) => Self::Log,
+        }
+    }
+}
+
+/// A table as walks read it.
+pub(super) fn padded(table: &[f32]) -> Box<[f32; 256]> {
+    let mut padded = Box::new([0.0; 256]);
+    padded[..table.len()].copy_from_slice(table);
+    padded
 }
 
 /// The different radii in ascending order, if they are at most 256.

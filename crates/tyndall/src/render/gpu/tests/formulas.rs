@@ -1,7 +1,8 @@
 //! Formulas that stand in Rust and in WGSL, asked the same on both machines, thousands of times.
 
-use glam::Vec3;
+use glam::{Vec3, Vec4};
 
+use super::super::build::{self, CURVE_BITS, Order};
 use super::super::layout;
 use super::super::shader::{Sampling, Shape, Sizes, Tilings, Walked};
 use super::super::{Gpu, Options, Resident};
@@ -52,6 +53,17 @@ fn evaluate(
     expression: &str,
     inputs: &[[[f32; 4]; 4]],
 ) -> Vec<[f32; 4]> {
+    evaluate_with("", resident, sampling, expression, inputs)
+}
+
+/// The same with more functions than those of a scene.
+fn evaluate_with(
+    functions: &str,
+    resident: &Resident,
+    sampling: Sampling,
+    expression: &str,
+    inputs: &[[[f32; 4]; 4]],
+) -> Vec<[f32; 4]> {
     let kernel = format!(
         "struct Inputs {{ a: vec4f, b: vec4f, c: vec4f, d: vec4f }}
         @group(0) @binding(0) var<storage, read> inputs: array<Inputs>;
@@ -65,12 +77,46 @@ fn evaluate(
             }}
         }}"
     );
-    let text = resident.shape().formulas(sampling) + &kernel;
+    let text = resident.shape().formulas(sampling) + functions + &kernel;
     resident.evaluate(text, bytemuck::cast_slice(inputs), inputs.len())
 }
 
 fn sampling(perspective: bool) -> Sampling {
     Sampling { samples: 1, perspective, tilings: Tilings::of(1, 0) }
+}
+
+#[test]
+fn particles_have_the_keys_that_they_have_on_the_cpu() {
+    let Some(gpu) = device() else { return };
+    let scene = scene(Packing::Exact, |_| 0.01);
+    let resident = Resident::load(&gpu, &scene, &()).unwrap();
+    let mut stream = Stream::new(12, 0);
+    let mut inputs = Vec::new();
+    let mut expected = Vec::new();
+    for k in 0..4 * COUNT {
+        let scale = 10_f32.powf(stream.range(-12.0, 12.0));
+        let inv_edge = if k % 100 == 0 { 0.0 } else { (1 << CURVE_BITS) as f32 / scale };
+        let order = Order { low: scale * stream.cube(), inv_edge, giant: scale * stream.unit() };
+        // Some lie outside of the lattice.
+        let center = order.low + scale * 1.2 * (stream.cube() + 0.4);
+        let radius = scale * 100.0 * stream.unit().powi(9);
+        expected.push(order.key(center, radius));
+        let low = order.low.extend(inv_edge);
+        inputs
+            .push([center.extend(radius), low, Vec4::splat(order.giant), Vec4::ZERO].map(|it| it.to_array()));
+    }
+    let text = "let key = key_of(a.xyz, a.w, b.xyz, b.w, c.x);
+        return vec4f(vec4u(key.x & 0xffffu, key.x >> 16u, key.y & 0xffffu, key.y >> 16u));";
+    let found = evaluate_with(&build::formulas(), &resident, sampling(false), text, &inputs);
+    let key = |words: [f32; 4]| words.iter().rev().fold(0, |key, &word| key << 16 | word as u64);
+    let differing =
+        found.iter().zip(&expected).filter(|(found, expected)| key(**found) != **expected).count();
+    let mut different = expected.clone();
+    different.sort_unstable();
+    different.dedup();
+    assert!(different.len() > 3 * COUNT, "{} different keys", different.len());
+    // A cell's edge may be passed by rounding.
+    assert!(differing * 1000 <= expected.len(), "{differing} of {} differ", expected.len());
 }
 
 /// How many values differ by more than `tolerance`, relative to `scale`.

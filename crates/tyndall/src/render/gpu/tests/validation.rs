@@ -4,6 +4,7 @@ use std::mem::offset_of;
 
 use wgpu::naga::{self, TypeInner, valid};
 
+use super::super::build::Stage;
 use super::super::layout;
 use super::super::pages::declare;
 use super::super::shader::{Colors, HeapWalk, Heaps, Sampling, Shape, Sizes, Tiling, Tilings, Walk, Walked};
@@ -82,6 +83,17 @@ fn every_kernel_is_valid_for_every_layout() {
 }
 
 #[test]
+fn every_kernel_of_the_build_is_valid_for_every_layout() {
+    for (packing, sizes) in PACKINGS.into_iter().flat_map(|packing| SIZES.map(|sizes| (packing, sizes))) {
+        for pages in [1, 3] {
+            for stage in [Stage::Keys, Stage::Sort, Stage::Leaves, Stage::Tree] {
+                validate(&stage.text(packing, sizes, std::iter::repeat((pages, 10))));
+            }
+        }
+    }
+}
+
+#[test]
 fn every_kernel_is_valid_for_every_walk_of_heaps() {
     for walk in [HeapWalk::ShortStack, HeapWalk::StackFree] {
         for (colors, pages) in COLORS.into_iter().zip(1..) {
@@ -136,6 +148,9 @@ fn records_stand_where_the_shaders_read_them() {
     let [_, treelets] = shapes_of_heaps(HeapWalk::default(), Colors::Constant, 1);
     let outline = record!(layout::Outline: particles, slack, radius_scale, unused);
     assert_eq!(members(&validate(&treelets.rays()), "Outline"), outline);
+    let task = record!(layout::Task: low, inv_edge, giant, count, first, runs, bit, level, next_level, nodes);
+    let keys = Stage::Keys.text(Packing::Exact, Sizes::Each, std::iter::repeat((1, 10)));
+    assert_eq!(members(&validate(&keys), "Task"), task);
 }
 
 #[test]
