@@ -131,7 +131,7 @@ mod tests {
     fn coordinates_have_the_digits_of_the_file() {
         let mut positions = Positions::new();
         let numbers = [0.1, 1234.567, 0.5, -3.0, 1e-7, 2.5e20, 0.0, 99.000_001];
-        positions.extend(&numbers.map(|x| DVec3::new(x.min(1e6), -x.min(1e6), x)));
+        positions.extend(&numbers.map(|x: f64| DVec3::new(x.min(1e6), -x.min(1e6), x)));
         let mut text = std::io::Cursor::new(Vec::new());
         rows(&mut text, &positions, |line, id, coordinates| {
             coordinates.push(line, id, 0);

@@ -70,7 +70,7 @@ impl Pages {
     pub(super) fn empty(gpu: &Gpu, label: &str, bytes: u64) -> Result<Self> {
         let shift = shift(gpu.page_bytes());
         let page_bytes = ELEMENT_BYTES << shift;
-        let mut pages = Self { buffers: Vec::new(), shift };
+        let mut pages = Self { buffers: Vec::new(), shift, bytes };
         let mut left = bytes.max(1).next_multiple_of(ELEMENT_BYTES);
         while left > 0 {
             let size = left.min(page_bytes);

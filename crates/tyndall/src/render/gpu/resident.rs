@@ -317,7 +317,13 @@ impl Resident {
         if !hierarchy.array_bytes().into_iter().eq(sizes.take(4)) {
             return Err(Error::Device("the scene's structure is not the one that the GPU has built".into()));
         }
-        Self::of(hierarchy.gpu(), scene, hierarchy.into_arrays().into(), progress)
+        let gpu = hierarchy.gpu();
+        let mut arrays = hierarchy.into_arrays();
+        // What is empty takes no binding, as where it is copied.
+        for pages in arrays.iter_mut().filter(|pages| pages.bytes == 0) {
+            pages.buffers.clear();
+        }
+        Self::of(gpu, scene, arrays.into(), progress)
     }
 
     /// The first arrays stand on the card already, in the order of their bindings.

@@ -3,7 +3,7 @@
 use std::fmt::Write;
 
 use super::super::pages::{declare, declare_elements, declare_words};
-use super::super::shader::{BVH, Colors, MATH, Shape, Sizes, Walked};
+use super::super::shader::{BVH, Colors, MATH, SHOWN, Shape, Sizes, Walked};
 use super::order::{CLASSES, CURVE_BITS};
 use crate::structure::Packing;
 
@@ -79,13 +79,13 @@ impl Stage {
             binding += count;
         }
         let walked = Walked::Bvh(packing, sizes);
-        let shape = Shape { walked, colors: Colors::Constant, levels: 4, arrays };
+        let shape = Shape { walked, colors: Colors::Constant, hides: false, levels: 4, arrays };
         let numbers = &numbers(packing);
         match self {
             Self::Keys => shape.build(&[numbers, MATH, ENCODE, TASK, KEYS]),
             Self::Sort => shape.build(&[numbers, TASK, SORT]),
             Self::Leaves => shape.build(&[numbers, MATH, ENCODE, TASK, LEAVES]),
-            Self::Tree => shape.build(&[numbers, MATH, BVH, ENCODE, TASK, TREE]),
+            Self::Tree => shape.build(&[numbers, MATH, SHOWN, BVH, ENCODE, TASK, TREE]),
         }
     }
 }
