@@ -59,7 +59,7 @@ impl Scene {
     }
 
     /// The particles, to be hidden by rules of a test's own.
-    #[cfg(test)]
+    #[cfg(all(test, feature = "gpu"))]
     pub(crate) fn structure_mut(&mut self) -> &mut Structure {
         &mut self.structure
     }
