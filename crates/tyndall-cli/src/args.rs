@@ -79,10 +79,12 @@ pub(crate) struct Common {
 #[derive(Args)]
 #[command(next_help_heading = "Reading")]
 pub(crate) struct Input {
-    /// Files, as one sequence in this order; or synthetic:NAME?n=COUNT
+    /// Files, as one sequence in this order; or synthetic:NAME?n=COUNT. A file with names before files that have coordinates
+    /// only (XTC, TRR, DCD, AMBER NetCDF) names their particles: topol.gro traj.xtc
     #[arg(required = true, value_name = "FILE", help_heading = None)]
     pub(crate) files: Vec<PathBuf>,
-    /// Format, instead of recognising it: lammps xyz ply npy bgeo geo prt ptc pda mmpld vtk csv
+    /// Format, instead of recognising it: lammps lammps-binary lammps-data xyz gro xtc trr dcd amber pdb cif bcif gsd ply npy bgeo
+    /// geo prt ptc pda mmpld vtk csv
     #[arg(long, value_name = "NAME")]
     pub(crate) format: Option<String>,
     /// Names of the columns of a table, in order: id,type,x,y,z
@@ -91,6 +93,9 @@ pub(crate) struct Input {
     /// Whether a LAMMPS dump's coordinates are fractions of its cell [default: as its columns are called]
     #[arg(long, value_name = "KIND")]
     pub(crate) coords: Option<Coords>,
+    /// Biological assembly to make of a PDB or mmCIF file: its number, or all [default: the atoms of the file]
+    #[arg(long, value_name = "NUMBER")]
+    pub(crate) assembly: Option<String>,
     /// Fails on a truncated file, instead of reading its whole frames
     #[arg(long)]
     pub(crate) strict: bool,

@@ -16,6 +16,7 @@ pub(crate) fn open(input: &Input, report: &Report) -> Outcome<Sequence> {
         format: input.format.clone(),
         strict: input.strict,
         scaled: input.coords == Some(Coords::Scaled),
+        assembly: input.assembly.clone(),
     };
     Ok(Sequence::open(&input.files, &options, report.progress())?)
 }

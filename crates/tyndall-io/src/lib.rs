@@ -5,6 +5,7 @@
 pub mod parts;
 pub mod read;
 pub mod sequence;
+mod topology;
 pub mod write;
 
 pub use parts::Parts;

@@ -14,6 +14,7 @@ use tyndall::{Error, Particles, Progress, Result};
 
 use crate::parts::Parts;
 use crate::read::{self, Feed, Format, Index, Open, Packing, Request, Span};
+use crate::topology::Topology;
 
 /// Unpacked content up to this size is kept.
 const SMALL_BYTES: u64 = 256 << 20;
@@ -29,6 +30,8 @@ pub struct Options {
     pub strict: bool,
     /// Whether the coordinates of a LAMMPS dump are fractions of its cell, whatever their columns are called.
     pub scaled: bool,
+    /// The biological assembly to make of a PDB or mmCIF file, by its name, or `all`; none leaves the atoms as they stand in the file.
+    pub assembly: Option<String>,
 }
 
 /// One frame of a sequence.
@@ -51,6 +54,8 @@ pub struct Sequence {
     frame_count: usize,
     options: Options,
     format: String,
+    /// What the first file gives to the others, if these have coordinates only: it is no frame then.
+    topology: Option<Topology>,
 }
 
 /// Where frames come from.
@@ -77,6 +82,9 @@ struct FileSource {
 impl Sequence {
     /// Opens files, in the given order, as one sequence. A path that begins with `synthetic:` names a procedural source.
     ///
+    /// Where all files but the first have coordinates only (XTC, TRR, DCD, AMBER NetCDF), and the first has names, it is no frame: its
+    /// attributes are given to the frames of the others, which must have as many particles.
+    ///
     /// Stage "open" of `progress`, in bytes of the files as they are on disk: of compressed ones, which are unpacked to find
     /// their frames, those that were taken.
     pub fn open(paths: &[PathBuf], options: &Options, progress: &dyn Progress) -> Result<Self> {
@@ -89,15 +97,36 @@ impl Sequence {
             true => Err(Error::Interrupted),
             false => Source::open(path, options, keep, progress),
         };
-        let sources: Vec<Source> = paths.par_iter().map(open).collect::<Result<_>>()?;
+        let mut sources: Vec<Source> = paths.par_iter().map(open).collect::<Result<_>>()?;
+        if let Some(assembly) = &options.assembly
+            && !sources.iter().any(Source::has_assemblies)
+        {
+            return Err(Error::setting(
+                "assembly",
+                assembly,
+                "only PDB, mmCIF and BinaryCIF files have assemblies: leave it out",
+            ));
+        }
+        let mut format = sources[0].title();
+        let mut topology = None;
+        if let [Source::File(names), others @ ..] = &sources[..]
+            && !names.format.has_coordinates_only()
+            && !others.is_empty()
+            && others.iter().all(Source::has_coordinates_only)
+        {
+            let frame = names.frame(0, options, None, progress)?;
+            topology = Some(Topology::new(&names.path, &frame.particles)?);
+            format = format!("{}, names from {format}", others[0].title());
+            sources.remove(0);
+        }
         let mut first = Vec::with_capacity(sources.len());
         let mut frame_count = 0;
         for source in &sources {
             first.push(frame_count);
             frame_count += source.frame_count();
         }
-        let format = sources[0].title();
-        Ok(Self { paths: paths.to_vec(), sources, first, frame_count, options: options.clone(), format })
+        let options = options.clone();
+        Ok(Self { paths: paths.to_vec(), sources, first, frame_count, options, format, topology })
     }
 
     /// How many frames there are.
@@ -134,7 +163,7 @@ impl Sequence {
         let (source, within) = self.place(frame);
         let mut frame = match &self.sources[source] {
             Source::Synthetic(spec) => synthetic_frame(spec, progress)?,
-            Source::File(file) => file.frame(within, &self.options, progress)?,
+            Source::File(file) => file.frame(within, &self.options, self.topology.as_ref(), progress)?,
         };
         frame.warnings.extend(dropped(&frame.particles));
         Ok(frame)
@@ -217,6 +246,14 @@ impl Source {
         }
     }
 
+    fn has_assemblies(&self) -> bool {
+        matches!(self, Self::File(file) if file.format.has_assemblies())
+    }
+
+    fn has_coordinates_only(&self) -> bool {
+        matches!(self, Self::File(file) if file.format.has_coordinates_only())
+    }
+
     fn title(&self) -> String {
         match self {
             Self::Synthetic(_) => "synthetic".to_string(),
@@ -278,7 +315,13 @@ impl FileSource {
         })
     }
 
-    fn frame(&self, frame: usize, options: &Options, progress: &dyn Progress) -> Result<Frame> {
+    fn frame(
+        &self,
+        frame: usize,
+        options: &Options,
+        topology: Option<&Topology>,
+        progress: &dyn Progress,
+    ) -> Result<Frame> {
         let span = self.index.frames[frame];
         let mut frame = match &self.format.open {
             Open::Whole(read) if self.packing == Packing::Plain => {
@@ -289,7 +332,7 @@ impl FileSource {
             }
             Open::Binary { frame, .. } => {
                 let units = self.index.units.as_deref();
-                let request = Request { options, bytes: span.bytes, units };
+                let request = Request { options, bytes: span.bytes, units, topology };
                 let read_from = |bytes: &[u8]| frame(&self.path, bytes, span, &request, progress);
                 match self.content() {
                     Some(content) => read_from(&content)?,
@@ -301,7 +344,8 @@ impl FileSource {
                 let read_at = |feed: &mut Feed, bytes: Option<u64>| {
                     feed.skip_to(span.offset, span.line, progress)?;
                     let units = self.index.units.as_deref();
-                    frame(feed, &Request { options, bytes: span.bytes.or(bytes), units }, progress)
+                    let request = Request { options, bytes: span.bytes.or(bytes), units, topology };
+                    frame(feed, &request, progress)
                 };
                 if let Some(content) = self.content() {
                     read_at(&mut Feed::over(&self.path, &content), Some(content.len() as u64))?

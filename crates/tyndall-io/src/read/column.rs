@@ -298,8 +298,14 @@ pub(crate) struct Words {
 }
 
 impl Words {
+    /// How many words were appended.
+    pub(crate) fn len(&self) -> usize {
+        self.codes.len()
+    }
+
+    /// Appends a word.
     #[inline]
-    fn push(&mut self, token: &[u8]) {
+    pub(crate) fn push(&mut self, token: &[u8]) {
         // Neighbors are often alike: look at the last word first.
         let last = self.codes.last().copied().filter(|&code| self.names[code as usize].as_bytes() == token);
         let code = last.unwrap_or_else(|| self.code(token));
@@ -316,7 +322,8 @@ impl Words {
         code
     }
 
-    fn append(&mut self, other: &Self) {
+    /// Appends words that were read by themselves.
+    pub(crate) fn append(&mut self, other: &Self) {
         let codes: Vec<u32> = other.names.iter().map(|name| self.code(name.as_bytes())).collect();
         self.codes.extend(other.codes.iter().map(|&code| codes[code as usize]));
     }

@@ -18,6 +18,7 @@ pub(crate) struct Cursor<'a> {
     pub(crate) order: Order,
     /// The way out that errors give.
     hint: &'static str,
+    ended: bool,
 }
 
 impl<'a> Cursor<'a> {
@@ -29,7 +30,7 @@ impl<'a> Cursor<'a> {
         order: Order,
         hint: &'static str,
     ) -> Self {
-        Self { path, bytes, place, order, hint }
+        Self { path, bytes, place, order, hint, ended: false }
     }
 
     /// Where the next byte is, from the file's first.
@@ -46,10 +47,21 @@ impl<'a> Cursor<'a> {
     pub(crate) fn take(&mut self, count: usize, what: &str) -> Result<&'a [u8]> {
         let taken = self.place.checked_add(count).and_then(|end| self.bytes.get(self.place..end));
         let Some(taken) = taken else {
+            self.ended = true;
             return Err(self.fault(format!("{what}: {count} bytes were wanted, {} are there", self.left())));
         };
         self.place += count;
         Ok(taken)
+    }
+
+    /// Passes over `count` bytes, as many as a file may claim.
+    pub(crate) fn skip(&mut self, count: u64, what: &str) -> Result<()> {
+        self.take(usize::try_from(count).unwrap_or(usize::MAX), what).map(drop)
+    }
+
+    /// Whether bytes were wanted that are not there: the content ends here.
+    pub(crate) fn ended(&self) -> bool {
+        self.ended
     }
 
     /// The next number.
@@ -92,6 +104,7 @@ mod tests {
             message.contains("byte 9") && message.contains("a time: 8 bytes were wanted, 0 are there"),
             "{message}"
         );
-        assert!(cursor.take(usize::MAX, "all").is_err());
+        assert!(cursor.take(usize::MAX, "all").is_err() && cursor.ended());
+        assert!(cursor.skip(u64::MAX, "more").is_err());
     }
 }

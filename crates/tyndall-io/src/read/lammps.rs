@@ -22,7 +22,7 @@ const COORDINATES: [([&str; 3], bool); 4] = [
 /// Columns that are words in every dump.
 const WORDS: [&str; 2] = ["element", "typelabel"];
 /// Columns that are measured, even where a frame has only whole numbers.
-const MEASURED: [&str; 22] = [
+pub(super) const MEASURED: [&str; 22] = [
     "x", "y", "z", "xu", "yu", "zu", "vx", "vy", "vz", "fx", "fy", "fz", "q", "mass", "radius", "diameter",
     "omegax", "omegay", "omegaz", "mux", "muy", "muz",
 ];
@@ -132,8 +132,12 @@ fn cell(style: &str, lines: &[String]) -> std::result::Result<Cell, String> {
         let vectors = values.map(|it| DVec3::new(it[0], it[1], it[2]));
         return Ok(Cell { origin: DVec3::new(values[0][3], values[1][3], values[2][3]), vectors, periodic });
     }
-    // The file has the bounding box of the tilted cell: take off how far the tilts reach beyond the cell's own bounds.
-    let [xy, xz, yz] = values.map(|it| it[2]);
+    Ok(bounded_cell(values.map(|it| [it[0], it[1]]), values.map(|it| it[2]), periodic))
+}
+
+/// The cell that is tilted by xy, xz, yz within a bounding box, low and high for each axis.
+pub(super) fn bounded_cell(values: [[f64; 2]; 3], [xy, xz, yz]: [f64; 3], periodic: [bool; 3]) -> Cell {
+    // Take off how far the tilts reach beyond the cell's own bounds.
     let reach = [[0.0, xy, xz, xy + xz], [0.0, yz, 0.0, yz], [0.0; 4]];
     let low: [f64; 3] =
         std::array::from_fn(|axis| values[axis][0] - reach[axis].into_iter().fold(0.0, f64::min));
@@ -144,7 +148,7 @@ fn cell(style: &str, lines: &[String]) -> std::result::Result<Cell, String> {
         DVec3::new(xy, high[1] - low[1], 0.0),
         DVec3::new(xz, yz, high[2] - low[2]),
     ];
-    Ok(Cell { origin: DVec3::from_array(low), vectors, periodic })
+    Cell { origin: DVec3::from_array(low), vectors, periodic }
 }
 
 /// Finds the frames by their headers and counts.
@@ -183,7 +187,15 @@ pub(crate) fn frame(feed: &mut Feed, request: &Request, progress: &dyn Progress)
     let header =
         whole(header(feed)?).ok_or_else(|| feed.fault("the header is not whole", "was the file changed?"))?;
     let names = request.options.columns.as_ref().unwrap_or(&header.columns);
-    let (axes, scaled) = coordinates(feed, names, &header)?;
+    let (axes, scaled) = coordinates(names).ok_or_else(|| {
+        let what = format!("no coordinates among the columns: {}", names.join(" "));
+        let hint = if header.columns.is_empty() {
+            "this old dump does not name its columns: try --columns id,type,x,y,z"
+        } else {
+            "dump x y z, xu yu zu, xs ys zs or xsu ysu zsu"
+        };
+        Error::format(feed.path(), format!("line {}", feed.line_number() - 1), what, hint)
+    })?;
     let scaled = scaled || request.options.scaled;
     if scaled && header.cell.is_none() {
         return Err(
@@ -225,31 +237,21 @@ pub(crate) fn frame(feed: &mut Feed, request: &Request, progress: &dyn Progress)
         time: header.time.or(header.step),
         length_unit: header.units.as_deref().or(request.units).and_then(length_unit).map(str::to_string),
     };
-    let mut frame = finish(columns, conventions(names, axes, &header, scaled), Vec::new())?;
-    if !scaled && looks_scaled(&frame.particles) {
-        let names = axes.map(|axis| names[axis].as_str()).join(" ");
-        frame.warnings.push(format!(
-            "coordinates look scaled (0..1) but the columns are '{names}' — reading as real; use --coords scaled to change"
-        ));
+    let mut conventions = conventions(names, axes, cell.as_ref(), scaled);
+    if cell.is_some() && !header.periodicity {
+        conventions.push("the box does not say whether it repeats: taken as not periodic".to_string());
     }
+    let mut frame = finish(columns, conventions, Vec::new())?;
+    frame.warnings.extend(looks_scaled(&frame.particles, names, axes).filter(|_| !scaled));
     Ok(frame)
 }
 
-/// Which columns the coordinates are, and whether they are scaled.
-fn coordinates(feed: &Feed, names: &[String], header: &Header) -> Result<([usize; 3], bool)> {
+/// Which columns the coordinates are, and whether they are scaled; `None` if they are not there.
+pub(super) fn coordinates(names: &[String]) -> Option<([usize; 3], bool)> {
     let place = |name: &str| names.iter().position(|it| it == name);
-    let complete = COORDINATES.iter().find_map(|(axes, scaled)| {
+    COORDINATES.iter().find_map(|(axes, scaled)| {
         let [x, y, z] = axes.map(place);
         Some(([x?, y?, z?], *scaled))
-    });
-    complete.ok_or_else(|| {
-        let what = format!("no coordinates among the columns: {}", names.join(" "));
-        let hint = if header.columns.is_empty() {
-            "this old dump does not name its columns: try --columns id,type,x,y,z"
-        } else {
-            "dump x y z, xu yu zu, xs ys zs or xsu ysu zsu"
-        };
-        Error::format(feed.path(), format!("line {}", feed.line_number() - 1), what, hint)
     })
 }
 
@@ -259,8 +261,14 @@ fn own_rows(text: &[u8]) -> &[u8] {
         .unwrap_or_else(|| memchr::memrchr(b'\n', text).unwrap_or(text.len()))]
 }
 
-fn conventions(names: &[String], axes: [usize; 3], header: &Header, scaled: bool) -> Vec<String> {
-    let tilted = header.cell.is_some_and(|cell| {
+/// What is to be said about the coordinates and their columns.
+pub(super) fn conventions(
+    names: &[String],
+    axes: [usize; 3],
+    cell: Option<&Cell>,
+    scaled: bool,
+) -> Vec<String> {
+    let tilted = cell.is_some_and(|cell| {
         let [a, b, c] = cell.vectors;
         [a.y, a.z, b.x, b.z, c.x, c.y].iter().any(|&it| it != 0.0)
     });
@@ -271,14 +279,11 @@ fn conventions(names: &[String], axes: [usize; 3], header: &Header, scaled: bool
     if ["ix", "iy", "iz"].iter().any(|flag| names.iter().any(|name| name == flag)) {
         lines.push("image flags ix iy iz: kept as attributes, not applied".to_string());
     }
-    if header.cell.is_some() && !header.periodicity {
-        lines.push("the box does not say whether it repeats: taken as not periodic".to_string());
-    }
     lines
 }
 
 /// The unit of length of a LAMMPS unit system; `lj` has none.
-fn length_unit(units: &str) -> Option<&'static str> {
+pub(super) fn length_unit(units: &str) -> Option<&'static str> {
     match units {
         "real" | "metal" => Some("Å"),
         "si" => Some("m"),
@@ -290,14 +295,19 @@ fn length_unit(units: &str) -> Option<&'static str> {
     }
 }
 
-/// Whether coordinates that are said to be real fill 0..1 in a cell that is far from unit size.
-fn looks_scaled(particles: &Particles) -> bool {
-    let Some(cell) = particles.cell().filter(|_| particles.len() >= 8) else { return false };
+/// The warning if coordinates that are said to be real fill 0..1 in a cell that is far from unit size.
+pub(super) fn looks_scaled(particles: &Particles, names: &[String], axes: [usize; 3]) -> Option<String> {
+    let cell = particles.cell().filter(|_| particles.len() >= 8)?;
     let (bounds, origin) = (particles.bounds(), particles.positions().origin());
     let [min, max] = [bounds.min, bounds.max].map(|corner| origin + corner.as_dvec3());
     let within = min.cmpge(DVec3::splat(-0.02)).all() && max.cmple(DVec3::splat(1.02)).all();
     let edge = cell.vectors.iter().map(|it| it.length()).fold(0.0, f64::max);
-    within && (max - min).max_element() > 0.5 && edge > 2.0
+    let names = axes.map(|axis| names[axis].as_str()).join(" ");
+    (within && (max - min).max_element() > 0.5 && edge > 2.0).then(|| {
+        format!(
+            "coordinates look scaled (0..1) but the columns are '{names}' — reading as real; use --coords scaled to change"
+        )
+    })
 }
 
 #[cfg(test)]
@@ -316,7 +326,11 @@ mod tests {
         let frame = |span: &Span| {
             let mut feed = Feed::over(path, text.as_bytes());
             feed.skip_to(span.offset, span.line, &())?;
-            frame(&mut feed, &Request { options, bytes: span.bytes, units: index.units.as_deref() }, &())
+            frame(
+                &mut feed,
+                &Request { options, bytes: span.bytes, units: index.units.as_deref(), topology: None },
+                &(),
+            )
         };
         index.frames.iter().map(frame).collect()
     }

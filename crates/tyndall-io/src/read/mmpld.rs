@@ -420,7 +420,7 @@ mod tests {
     fn read_all(bytes: &[u8]) -> Result<Vec<Frame>> {
         let (path, options) = (Path::new("test"), Options::default());
         let index = index(path, bytes, &options)?;
-        let request = Request { options: &options, bytes: None, units: None };
+        let request = Request { options: &options, bytes: None, units: None, topology: None };
         index.frames.iter().map(|&span| frame(path, bytes, span, &request, &())).collect()
     }
 

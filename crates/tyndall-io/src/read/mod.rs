@@ -3,18 +3,31 @@
 //! A file's first bytes, unpacked if it is compressed, decide its format; its name only breaks ties between tables. Text
 //! formats read a `Feed` frame by frame; the others take the whole content at once.
 
+mod amber;
+mod assembly;
+mod atom_site;
+mod bcif;
 mod bgeo;
+mod cif;
 mod column;
 mod cursor;
+mod dcd;
 mod density;
 mod feed;
 mod geo;
+mod gro;
+mod gsd;
 mod lammps;
+mod lammps_binary;
+mod lammps_data;
 mod map;
 mod mmpld;
+mod molecules;
+mod netcdf;
 pub(crate) mod npy;
 mod numbers;
 mod pda;
+mod pdb;
 mod ply;
 mod prt;
 mod ptc;
@@ -24,9 +37,11 @@ mod records;
 mod rows;
 mod sky;
 mod table;
+mod trr;
 mod unpack;
 mod unreadable;
 mod vtk;
+mod xtc;
 mod xyz;
 
 use std::fs::File;
@@ -36,6 +51,7 @@ use std::path::Path;
 use tyndall::{Columns, Error, Particles, Progress, Result};
 
 use crate::sequence::{Frame, Options};
+use crate::topology::Topology;
 pub use density::{RawGrid, Sample, density};
 pub(crate) use feed::Feed;
 pub(crate) use map::map;
@@ -117,6 +133,36 @@ pub(crate) struct Request<'a> {
     pub(crate) bytes: Option<u64>,
     /// [`Index::units`].
     pub(crate) units: Option<&'a str>,
+    /// Where the particles' names are, if their own format has coordinates only.
+    pub(crate) topology: Option<&'a Topology>,
+}
+
+impl Request<'_> {
+    /// Gives the particles of a frame the attributes that another file has for them; says so.
+    fn complete(
+        &self,
+        columns: &mut Columns,
+        path: &Path,
+        span: Span,
+        conventions: &mut Vec<String>,
+    ) -> Result<()> {
+        if let Some(topology) = self.topology {
+            conventions.push(topology.complete(columns, path, span.line - 1)?);
+        }
+        Ok(())
+    }
+}
+
+impl Format {
+    /// Whether its files tell where particles are, but not what they are.
+    pub(crate) fn has_coordinates_only(&self) -> bool {
+        ["xtc", "trr", "dcd", "amber"].contains(&self.names[0])
+    }
+
+    /// Whether its files tell of biological assemblies.
+    pub(crate) fn has_assemblies(&self) -> bool {
+        ["pdb", "cif", "bcif"].contains(&self.names[0])
+    }
 }
 
 /// All formats, the surest to recognise first.
@@ -128,10 +174,76 @@ pub(crate) const FORMATS: &[Format] = &[
         open: Open::Text { index: lammps::index, frame: lammps::frame },
     },
     Format {
+        names: &["lammps-binary"],
+        title: "LAMMPS binary dump",
+        recognise: |head, _| lammps_binary::recognise(head),
+        open: Open::Binary { index: lammps_binary::index, frame: lammps_binary::frame },
+    },
+    Format {
+        names: &["lammps-data"],
+        title: "LAMMPS data",
+        recognise: |head, _| lammps_data::recognise(head),
+        open: Open::Text { index: lammps_data::index, frame: lammps_data::frame },
+    },
+    Format {
         names: &["xyz", "extxyz"],
         title: "XYZ",
         recognise: |head, _| xyz::recognise(head),
         open: Open::Text { index: xyz::index, frame: xyz::frame },
+    },
+    Format {
+        names: &["gro"],
+        title: "GROMACS GRO",
+        recognise: |head, _| gro::recognise(head),
+        open: Open::Text { index: gro::index, frame: gro::frame },
+    },
+    Format {
+        names: &["xtc"],
+        title: "GROMACS XTC",
+        recognise: |head, _| xtc::recognise(head),
+        open: Open::Binary { index: xtc::index, frame: xtc::frame },
+    },
+    Format {
+        names: &["trr"],
+        title: "GROMACS TRR",
+        recognise: |head, _| trr::recognise(head),
+        open: Open::Binary { index: trr::index, frame: trr::frame },
+    },
+    Format {
+        names: &["dcd"],
+        title: "DCD",
+        recognise: |head, _| dcd::recognise(head),
+        open: Open::Binary { index: dcd::index, frame: dcd::frame },
+    },
+    Format {
+        names: &["amber", "netcdf", "nc"],
+        title: "AMBER NetCDF",
+        recognise: |head, _| amber::recognise(head),
+        open: Open::Binary { index: amber::index, frame: amber::frame },
+    },
+    Format {
+        names: &["pdb"],
+        title: "PDB",
+        recognise: |head, _| pdb::recognise(head),
+        open: Open::Binary { index: pdb::index, frame: pdb::frame },
+    },
+    Format {
+        names: &["cif", "mmcif"],
+        title: "mmCIF",
+        recognise: |head, _| cif::recognise(head),
+        open: Open::Binary { index: cif::index, frame: cif::frame },
+    },
+    Format {
+        names: &["bcif"],
+        title: "BinaryCIF",
+        recognise: |head, _| bcif::recognise(head),
+        open: Open::Binary { index: bcif::index, frame: bcif::frame },
+    },
+    Format {
+        names: &["gsd"],
+        title: "GSD",
+        recognise: |head, _| gsd::recognise(head),
+        open: Open::Binary { index: gsd::index, frame: gsd::frame },
     },
     Format {
         names: &["ply"],

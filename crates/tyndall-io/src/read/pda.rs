@@ -148,9 +148,11 @@ mod tests {
         let mut feed = Feed::over(Path::new("test"), text);
         let options = Options::default();
         match index.frames.first() {
-            Some(span) => {
-                frame(&mut feed, &Request { options: &options, bytes: span.bytes, units: None }, &())
-            }
+            Some(span) => frame(
+                &mut feed,
+                &Request { options: &options, bytes: span.bytes, units: None, topology: None },
+                &(),
+            ),
             None => Err(feed.fault("cut", "")),
         }
     }

@@ -8,7 +8,8 @@ use serde_json::Value;
 use tyndall::particles::{Attribute, Values};
 use tyndall::{Particles, Progress, Result};
 
-use crate::sequence::Frame;
+use super::{FORMATS, Feed, Format, Index, Open, Request, Span};
+use crate::sequence::{Frame, Options};
 
 /// Reads the real file `name` and compares it with what is expected; says so and returns if the files are not there.
 pub(crate) fn compare(
@@ -93,6 +94,45 @@ fn compare_attribute(attribute: &Attribute, id: usize, expected: &Value) -> std:
         }
     }
     Ok(())
+}
+
+/// All frames of a file in memory, as its format reads them.
+pub(crate) fn frames(open: &Open, bytes: &[u8], options: &Options) -> Result<Vec<Frame>> {
+    let path = Path::new("test");
+    let read = |index: Index, read: &dyn Fn(Span, &Request) -> Result<Frame>| {
+        let one = |span: &Span| {
+            read(
+                *span,
+                &Request { options, bytes: span.bytes, units: index.units.as_deref(), topology: None },
+            )
+        };
+        index.frames.iter().map(one).collect()
+    };
+    match open {
+        Open::Whole(whole) => Ok(vec![whole(path, bytes, &())?]),
+        Open::Binary { index, frame } => {
+            read(index(path, bytes, options)?, &|span, request| frame(path, bytes, span, request, &()))
+        }
+        Open::Text { index, frame } => read(index(&mut Feed::over(path, bytes))?, &|span, request| {
+            let mut feed = Feed::over(path, bytes);
+            feed.skip_to(span.offset, span.line, &())?;
+            frame(&mut feed, request, &())
+        }),
+    }
+}
+
+/// The one format that recognises these bytes.
+pub(crate) fn recognised(bytes: &[u8]) -> &'static Format {
+    let path = Path::new("test");
+    let known: Vec<_> = FORMATS.iter().filter(|it| (it.recognise)(bytes, path)).collect();
+    let titles: Vec<_> = known.iter().map(|it| it.title).collect();
+    assert_eq!(known.len(), 1, "{titles:?} recognise it");
+    known[0]
+}
+
+/// All frames of a file in memory, whose format is recognised.
+pub(crate) fn open(bytes: &[u8]) -> Result<Vec<Frame>> {
+    frames(&recognised(bytes).open, bytes, &Options::default())
 }
 
 /// Calls `read` with a thousand damaged copies of a file, and with all its beginnings; says which one made it panic.

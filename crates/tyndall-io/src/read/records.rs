@@ -217,6 +217,23 @@ pub(crate) fn join(
     Ok(builder)
 }
 
+/// Positions that a function tells, around `origin`, or around the middle of the first of them.
+pub(crate) fn positions(
+    count: usize,
+    origin: Option<DVec3>,
+    position: impl Fn(usize) -> DVec3 + Sync,
+) -> Positions {
+    let origin = origin.filter(|it| it.is_finite()).unwrap_or_else(|| {
+        let head: Vec<DVec3> = (0..count.min(ORIGIN_COUNT)).map(&position).collect();
+        let mut positions = Positions::new();
+        positions.extend(&head);
+        positions.origin()
+    });
+    let offset = |axis: usize, id: usize| (position(id)[axis] - origin[axis]) as f32;
+    let column = |axis: usize| (0..count).into_par_iter().map(|id| offset(axis, id)).collect();
+    Positions::from_offsets(origin, std::array::from_fn(column))
+}
+
 /// The columns while they are filled.
 #[derive(Debug)]
 pub(crate) struct Builder {
@@ -396,6 +413,25 @@ mod tests {
             let both = [0, 1].map(|component| columns.attributes[0].number(id, component));
             assert_eq!(both, [id as f64, 2.0 * id as f64]);
         }
+    }
+
+    #[test]
+    fn shares_in_several_places_follow_each_other() {
+        let bytes: Vec<u8> = (0..3 * JOB_ROWS as u32).flat_map(u32::to_le_bytes).collect();
+        let source =
+            |bytes| Source { bytes, kind: Kind::U32, order: Order::Little, start: 0, stride: 4, step: 0 };
+        let layout = |first: usize, count: usize| {
+            let source = source(&bytes[4 * first..]);
+            let fields = vec![Field { name: "id".into(), components: 1, source }];
+            Layout { count, axes: [Some(source), None, None], fields }
+        };
+        let layouts = [layout(5, 0), layout(7, JOB_ROWS + 1), layout(0, 3)];
+        let columns = join(Path::new("test"), &layouts, 100, &()).unwrap().into_columns();
+        let wanted: Vec<i64> = (7..JOB_ROWS as i64 + 8).chain(0..3).collect();
+        assert_eq!(columns.positions.world(JOB_ROWS + 1).x, 0.0);
+        assert_eq!(columns.positions.world(JOB_ROWS).x, wanted[JOB_ROWS] as f64);
+        assert_eq!(columns.attributes[0].values, Values::I64(wanted));
+        assert!(join(Path::new("test"), &[layout(0, 1), layout(5, 3 * JOB_ROWS)], 0, &()).is_err());
     }
 
     #[test]

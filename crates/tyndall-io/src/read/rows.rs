@@ -53,7 +53,7 @@ pub(crate) struct Layout {
     pub(crate) headings: Vec<Heading>,
     /// The cell whose edges the coordinates are fractions of.
     pub(crate) scaled: Option<Cell>,
-    /// Whether empty lines and lines that begin with `#` may stand between rows.
+    /// Whether empty lines and lines that begin with `#` may stand between rows, and comments that do behind them.
     pub(crate) gaps: bool,
     /// Where the file's middle is, if that is known.
     pub(crate) origin: Option<DVec3>,
@@ -176,7 +176,7 @@ fn part_lines(text: &[u8]) -> u64 {
 }
 
 /// Cuts at line ends.
-fn slices(block: &[u8]) -> Vec<&[u8]> {
+pub(crate) fn slices(block: &[u8]) -> Vec<&[u8]> {
     let mut slices = Vec::with_capacity(block.len() / SLICE + 1);
     let mut rest = block;
     while rest.len() > SLICE {
@@ -278,8 +278,10 @@ impl Part {
                 }
             }
         }
-        if line[at..].iter().any(|byte| !matches!(byte, b' ' | b'\t')) {
-            return Err(wrong_count(line, layout));
+        match line[at..].trim_ascii_start() {
+            [] => {}
+            [b'#', ..] if layout.gaps => {}
+            _ => return Err(wrong_count(line, layout)),
         }
         self.positions.push(match &layout.scaled {
             Some(cell) => from_fractions(cell, position),

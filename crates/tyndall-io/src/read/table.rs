@@ -336,7 +336,11 @@ mod tests {
         let columns = columns.map(|it| it.split(',').map(str::to_string).collect());
         let options = Options { columns, ..Options::default() };
         let mut feed = Feed::over(Path::new("a.csv"), text.as_bytes());
-        frame(&mut feed, &Request { options: &options, bytes: Some(text.len() as u64), units: None }, &())
+        frame(
+            &mut feed,
+            &Request { options: &options, bytes: Some(text.len() as u64), units: None, topology: None },
+            &(),
+        )
     }
 
     fn read(text: &str) -> Frame {

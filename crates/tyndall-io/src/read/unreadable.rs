@@ -8,8 +8,6 @@ use tyndall::Error;
 
 use super::whole_lines;
 
-/// Programs of molecular dynamics.
-const MOLECULES: &str = "convert it to extended XYZ or a LAMMPS dump, for example with OVITO, ASE or VMD";
 /// Point clouds.
 const POINTS: &str = "convert it to PLY or CSV, for example with PDAL or CloudCompare";
 /// Tools of visual effects.
@@ -27,34 +25,9 @@ struct Known {
 const KNOWN: &[Known] = &[
     Known { name: "HDF5", is: is_hdf5, way_out: "read it with h5py and save the columns with numpy.savez" },
     Known {
-        name: "GSD",
-        is: |head| head.starts_with(&0x65df_65df_65df_65df_u64.to_le_bytes()),
-        way_out: MOLECULES,
-    },
-    Known {
-        name: "GROMACS XTC",
-        is: |head| matches!(be_u32(head, 0), Some(1995 | 2023)),
-        way_out: MOLECULES,
-    },
-    Known { name: "GROMACS TRR", is: |head| be_u32(head, 0) == Some(1993), way_out: MOLECULES },
-    Known { name: "DCD", is: is_dcd, way_out: MOLECULES },
-    Known {
-        name: "NetCDF",
-        is: |head| head.starts_with(b"CDF") && head.get(3).is_some_and(|&it| it < 9),
-        way_out: MOLECULES,
-    },
-    Known { name: "PDB", is: is_pdb, way_out: MOLECULES },
-    Known { name: "GROMACS GRO", is: is_gro, way_out: MOLECULES },
-    Known { name: "mmCIF", is: is_mmcif, way_out: MOLECULES },
-    Known {
-        name: "LAMMPS binary dump",
-        is: is_lammps_binary,
-        way_out: "turn it into text with LAMMPS' binary2txt",
-    },
-    Known {
-        name: "LAMMPS data",
-        is: is_lammps_data,
-        way_out: "let LAMMPS write a dump: read_data, then write_dump",
+        name: "MMTF",
+        is: |head| matches!(head.first(), Some(0x80..=0x8f | 0xde | 0xdf)) && head_has(head, b"mmtf"),
+        way_out: "download the entry as BinaryCIF or mmCIF, which replaced it",
     },
     Known {
         name: "Gadget binary",
@@ -152,45 +125,6 @@ fn is_hdf5(head: &[u8]) -> bool {
         .any(|&at| head.get(at..).is_some_and(|it| it.starts_with(b"\x89HDF\r\n\x1a\n")))
 }
 
-fn is_dcd(head: &[u8]) -> bool {
-    [4, 8].iter().any(|&at| head.get(at..at + 4).is_some_and(|it| it == b"CORD" || it == b"VELD"))
-}
-
-fn is_pdb(head: &[u8]) -> bool {
-    let first = head.split(|&byte| byte == b'\n').next().unwrap_or_default();
-    let records: [&[u8]; 9] =
-        [b"HEADER", b"TITLE ", b"REMARK", b"CRYST1", b"ATOM  ", b"HETATM", b"MODEL ", b"COMPND", b"OBSLTE"];
-    records.iter().any(|it| first.starts_with(it)) && super::is_text(head)
-}
-
-fn is_gro(head: &[u8]) -> bool {
-    let mut lines = whole_lines(head).skip(1);
-    let count = lines.next().and_then(|line| std::str::from_utf8(line).ok()?.trim().parse::<u64>().ok());
-    let coordinate = |line: &[u8], axis: usize| {
-        let field = line.get(20 + 8 * axis..28 + 8 * axis).unwrap_or_default();
-        fast_float2::parse::<f64, _>(field.trim_ascii()).is_ok()
-    };
-    count.is_some() && lines.next().is_some_and(|line| (0..3).all(|axis| coordinate(line, axis)))
-}
-
-fn is_mmcif(head: &[u8]) -> bool {
-    whole_lines(head)
-        .find(|line| !line.is_empty() && line[0] != b'#')
-        .is_some_and(|it| it.starts_with(b"data_"))
-}
-
-fn is_lammps_binary(head: &[u8]) -> bool {
-    head.get(8..16).is_some_and(|it| it.starts_with(b"DUMP"))
-}
-
-fn is_lammps_data(head: &[u8]) -> bool {
-    let is_count = |line: &[u8]| {
-        let mut words = line.split(|byte| byte.is_ascii_whitespace()).filter(|it| !it.is_empty());
-        words.next().is_some_and(|it| it.iter().all(u8::is_ascii_digit)) && words.next() == Some(b"atoms")
-    };
-    super::is_text(head) && whole_lines(head).take(40).any(is_count)
-}
-
 fn is_gadget(head: &[u8]) -> bool {
     let record = |length: u32, at: usize| {
         [le_u32, be_u32].iter().any(|read| {
@@ -241,13 +175,9 @@ mod tests {
     #[test]
     fn known_beginnings_are_named_with_a_way_out() {
         let gadget = [&256u32.to_le_bytes()[..], &[0; 256], &256u32.to_le_bytes()].concat();
-        let gro = b"Water in a box\n    3\n    1SOL     OW    1   0.126   1.624   1.679\n";
-        let cases: [(&[u8], &str); 8] = [
+        let cases: [(&[u8], &str); 5] = [
             (b"\x89HDF\r\n\x1a\n", "HDF5"),
-            (&2023u32.to_be_bytes(), "XTC"),
             (&gadget, "Gadget"),
-            (gro, "GRO"),
-            (b"# comment\n\n 12 atoms\n", "LAMMPS data"),
             (b"5\n0 0 0 9\n1 0 0 9\n", "PTS"),
             (b"\xc0PRT2\r\n\x1a", "PRT 2"),
             (b"[\n\t\"fileversion\",\"18\"", "Houdini JSON"),

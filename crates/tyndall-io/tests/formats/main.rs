@@ -3,6 +3,7 @@
 
 mod convert;
 mod effects;
+mod molecules;
 mod text;
 
 use std::io::Write;

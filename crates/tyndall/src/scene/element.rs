@@ -27,6 +27,17 @@ const TABLE: &str = "\
     Es/b31fd4/2.70 Fm/b31fba/- Md/b30da6/- No/bd0d87/- Lr/c70066/- Rf/cc0059/- Db/d1004f/- Sg/d90045/- \
     Bh/e00038/- Hs/e6002e/- Mt/eb0026/-";
 
+/// Standard atomic weights by atomic number from 1 to 98 (IUPAC 2021, abridged; of the longest-lived isotope where there is none).
+const WEIGHTS: [f64; 98] = [
+    1.008, 4.0026, 6.94, 9.0122, 10.81, 12.011, 14.007, 15.999, 18.998, 20.180, 22.990, 24.305, 26.982,
+    28.085, 30.974, 32.06, 35.45, 39.95, 39.098, 40.078, 44.956, 47.867, 50.942, 51.996, 54.938, 55.845,
+    58.933, 58.693, 63.546, 65.38, 69.723, 72.630, 74.922, 78.971, 79.904, 83.798, 85.468, 87.62, 88.906,
+    91.224, 92.906, 95.95, 97.0, 101.07, 102.91, 106.42, 107.87, 112.41, 114.82, 118.71, 121.76, 127.60,
+    126.90, 131.29, 132.91, 137.33, 138.91, 140.12, 140.91, 144.24, 145.0, 150.36, 151.96, 157.25, 158.93,
+    162.50, 164.93, 167.26, 168.93, 173.05, 174.97, 178.49, 180.95, 183.84, 186.21, 190.23, 192.22, 195.08,
+    196.97, 200.59, 204.38, 207.2, 208.98, 209.0, 210.0, 222.0, 223.0, 226.0, 227.0, 232.04, 231.04, 238.03,
+    237.0, 244.0, 243.0, 247.0, 247.0, 251.0,
+];
 /// Names of attributes that hold elements by symbol, best first.
 const SYMBOL_NAMES: [&str; 5] = ["element", "elements", "species", "symbol", "symbols"];
 /// Names of attributes that may hold a biomolecule's atom names (`CA`, `HW1`) or symbols.
@@ -83,6 +94,16 @@ impl Element {
         let first = letters.get(..1)?;
         let single = letters.len() == 1 || "HCNOSP".contains(first);
         if single { Self::from_symbol(first) } else { None }
+    }
+
+    /// The element of that atomic weight, in atomic mass units, to a part in a thousand, or 0.015: enough for weights that are rounded, too
+    /// little for groups of atoms that count as one (CH2 is no nitrogen).
+    pub fn from_mass(mass: f64) -> Option<Self> {
+        let off = |weight: &f64| (weight - mass).abs();
+        let nearest = WEIGHTS.iter().enumerate().min_by(|(_, a), (_, b)| off(a).total_cmp(&off(b)));
+        let (place, weight) = nearest?;
+        let near = off(weight) <= (0.001 * weight).max(0.015);
+        if near { Self::from_number(place + 1) } else { None }
     }
 
     /// The symbol: `H`, `He`.
@@ -170,6 +191,29 @@ mod tests {
 
     fn symbol(element: Option<Element>) -> &'static str {
         element.map_or("-", Element::symbol)
+    }
+
+    #[test]
+    fn masses_tell_elements_unless_they_are_those_of_groups() {
+        let symbol = |mass: f64| Element::from_mass(mass).map(Element::symbol);
+        let known = [
+            (1.0, "H"),
+            (1.01, "H"),
+            (12.0, "C"),
+            (12.011, "C"),
+            (14.0067, "N"),
+            (16.0, "O"),
+            (58.693, "Ni"),
+            (58.933, "Co"),
+        ];
+        for (mass, wanted) in
+            known.into_iter().chain([(63.55, "Cu"), (35.453, "Cl"), (32.066, "S"), (238.0, "U")])
+        {
+            assert_eq!(symbol(mass), Some(wanted), "{mass}");
+        }
+        for mass in [14.027, 15.035, 13.019, 72.0, 2.0, 0.0, -1.0, 1e9, f64::NAN, f64::INFINITY] {
+            assert_eq!(symbol(mass), None, "{mass}");
+        }
     }
 
     #[test]

@@ -1,0 +1,483 @@
+//! LAMMPS binary dumps: what `dump … FILE.bin` writes, `atom` or `custom`, frame after frame.
+//!
+//! A header like that of a text dump, then the values of all atoms as doubles, in a chunk for every processor. Frames of later
+//! versions begin with the length of their name, negated, and that name, the order of their bytes and a revision; from revision 2 on
+//! they name their columns. Frames of earlier versions begin with the step: they are known by a box and counts that make sense, in
+//! one order of bytes or the other. Steps and counts of 8 bytes are read, as all builds but "smallsmall" write them.
+//! Columns and coordinates are understood as in text. Source: LAMMPS, tools/binary2txt.cpp and dump_custom.cpp.
+
+use std::path::Path;
+
+use tyndall::particles::{Attribute, Values};
+use tyndall::{Cell, DVec3, Error, Progress, Result};
+
+use super::cursor::Cursor;
+use super::lammps::{self, MEASURED};
+use super::numbers::{Kind, Order};
+use super::records::{self, Field, Layout, Source};
+use super::{Index, Request, Span};
+use crate::sequence::{Frame, Options};
+
+const HINT: &str = "if it is not cut off, turn it into text with the binary2txt of the LAMMPS that wrote it";
+/// More columns or chunks than these are a mistake, or an attack.
+const MOST_COLUMNS: i32 = 1 << 16;
+const MOST_CHUNKS: i32 = 1 << 24;
+
+/// Whether the file begins like a binary dump.
+pub(crate) fn recognise(head: &[u8]) -> bool {
+    [Order::Little, Order::Big].iter().any(|&order| {
+        let cursor = &mut Cursor::new(Path::new(""), head, 0, order, HINT);
+        begins(cursor)
+    })
+}
+
+/// Whether a header begins here, in this order of bytes.
+fn begins(cursor: &mut Cursor) -> bool {
+    let named = head_name(cursor).is_ok_and(|it| it.is_some());
+    // Without a name, all that stands before the atoms has to make sense.
+    named || Header::read(cursor).is_ok_and(|it| it.is_plausible())
+}
+
+/// The name that headers of later versions begin with: passed over if it is there.
+fn head_name(cursor: &mut Cursor) -> Result<Option<String>> {
+    let start = cursor.clone();
+    let length: i64 = cursor.number("the length of the name")?;
+    if !(-64..0).contains(&length) {
+        *cursor = start;
+        return Ok(None);
+    }
+    let name = cursor.text(length.unsigned_abs() as usize, "the name")?;
+    if !name.starts_with("DUMP") {
+        return Err(cursor.fault(format!("the name of a dump was wanted, '{name}' was found")));
+    }
+    Ok(Some(name))
+}
+
+/// What stands before the atoms.
+struct Header {
+    step: i64,
+    count: i64,
+    cell: Cell,
+    columns: Vec<String>,
+    /// Values an atom.
+    size: i32,
+    units: Option<String>,
+    time: Option<f64>,
+    chunks: i32,
+}
+
+impl Header {
+    fn read(cursor: &mut Cursor) -> Result<Self> {
+        let name = head_name(cursor)?;
+        let mut revision = 0;
+        if name.is_some() {
+            let _order: i32 = cursor.number("the order of bytes")?;
+            revision = cursor.number("the revision")?;
+        }
+        let step: i64 = cursor.number("the step")?;
+        let count: i64 = cursor.number("the number of atoms")?;
+        let tilted: i32 = cursor.number("whether the box is tilted")?;
+        let mut periodic = [false; 3];
+        for flag in &mut periodic {
+            let [low, high]: [i32; 2] = numbers(cursor, "a boundary")?;
+            if !(0..4).contains(&low) || !(0..4).contains(&high) {
+                return Err(cursor.fault(format!("boundaries are 0 to 3, {low} and {high} were found")));
+            }
+            *flag = low == 0;
+        }
+        let cell = cell(cursor, tilted, periodic)?;
+        let size: i32 = cursor.number("the values of an atom")?;
+        let mut header =
+            Self { step, count, cell, columns: vec![], size, units: None, time: None, chunks: 0 };
+        if revision > 1 {
+            header.units = Some(text(cursor, "the units")?).filter(|it| !it.is_empty());
+            if cursor.number::<u8>("whether there is a time")? != 0 {
+                header.time = Some(cursor.number("the time")?);
+            }
+            header.columns =
+                text(cursor, "the names of the columns")?.split_whitespace().map(str::to_string).collect();
+        } else if name.as_deref() == Some("DUMPATOM") && (size == 5 || size == 8) {
+            let names = ["id", "type", "xs", "ys", "zs", "ix", "iy", "iz"];
+            header.columns = names[..size as usize].iter().map(|it| it.to_string()).collect();
+        }
+        header.chunks = cursor.number("the number of chunks")?;
+        if count < 0 || !(1..MOST_COLUMNS).contains(&size) || !(0..MOST_CHUNKS).contains(&header.chunks) {
+            let what = format!("{count} atoms of {size} values in {} chunks make no sense", header.chunks);
+            return Err(cursor.fault(what));
+        }
+        Ok(header)
+    }
+
+    /// Whether this may be the header of a file that does not say what it is.
+    fn is_plausible(&self) -> bool {
+        let edges = self.cell.vectors.map(|it| it.length());
+        let box_makes_sense = edges.iter().all(|edge| (1e-100..1e100).contains(edge))
+            && self.cell.origin.abs().max_element() < 1e100;
+        // What has three coordinates has at least three values; zeros everywhere are no dump.
+        box_makes_sense && self.step >= 0 && self.size >= 3 && self.chunks >= 1
+    }
+
+    /// The chunks that follow at `cursor`: the place of each, and how many values it has.
+    fn chunks(&self, cursor: &mut Cursor) -> Result<Vec<(usize, usize)>> {
+        let mut chunks = Vec::new();
+        let mut values = 0;
+        for _ in 0..self.chunks {
+            let size: i32 = cursor.number("the size of a chunk")?;
+            if size < 0 || size % self.size != 0 {
+                let what = format!("a chunk of {size} values has no whole number of atoms of {}", self.size);
+                return Err(cursor.fault(what));
+            }
+            chunks.push((cursor.place(), size as usize / self.size as usize));
+            cursor.skip(8 * size as u64, "a chunk")?;
+            values += i64::from(size);
+        }
+        if Some(values) != self.count.checked_mul(self.size.into()) {
+            let what = format!(
+                "{} atoms of {} values were wanted, {values} values are there",
+                self.count, self.size
+            );
+            return Err(cursor.fault(what));
+        }
+        Ok(chunks)
+    }
+}
+
+fn numbers<T: super::numbers::Number + Default, const N: usize>(
+    cursor: &mut Cursor,
+    what: &str,
+) -> Result<[T; N]> {
+    let mut numbers = [T::default(); N];
+    for number in &mut numbers {
+        *number = cursor.number(what)?;
+    }
+    Ok(numbers)
+}
+
+/// A word behind its length.
+fn text(cursor: &mut Cursor, what: &str) -> Result<String> {
+    let length: i32 = cursor.number(what)?;
+    cursor.text(usize::try_from(length).map_err(|_| cursor.fault(format!("{what}: length {length}")))?, what)
+}
+
+/// The box: bounds, bounding box and tilts, or three edges and a corner.
+fn cell(cursor: &mut Cursor, tilted: i32, periodic: [bool; 3]) -> Result<Cell> {
+    let cell = match tilted {
+        0 | 1 => {
+            let bounds = [(); 3].map(|()| numbers(cursor, "the bounds of the box"));
+            let [x, y, z] = bounds;
+            let tilts = if tilted == 1 { numbers(cursor, "the tilts of the box")? } else { [0.0; 3] };
+            lammps::bounded_cell([x?, y?, z?], tilts, periodic)
+        }
+        2 => {
+            let [a, b, c, origin] = [(); 4].map(|()| numbers(cursor, "the edges of the box"));
+            Cell {
+                origin: DVec3::from_array(origin?),
+                vectors: [a?, b?, c?].map(DVec3::from_array),
+                periodic,
+            }
+        }
+        _ => {
+            return Err(
+                cursor.fault(format!("a box is straight (0), tilted (1) or general (2), not {tilted}"))
+            );
+        }
+    };
+    let is_finite = cell.vectors.iter().chain([&cell.origin]).all(|it| it.is_finite());
+    if is_finite { Ok(cell) } else { Err(cursor.fault("the box is not finite")) }
+}
+
+/// A cursor at `place`, in the order of bytes of the file.
+fn cursor<'a>(path: &'a Path, bytes: &'a [u8], place: usize) -> Cursor<'a> {
+    let at = |place, order| Cursor::new(path, bytes, place, order, HINT);
+    let order = if begins(&mut at(0, Order::Big)) { Order::Big } else { Order::Little };
+    at(place, order)
+}
+
+/// Finds the frames.
+pub(crate) fn index(path: &Path, bytes: &[u8], _: &Options) -> Result<Index> {
+    let mut index = Index::default();
+    let mut cursor = cursor(path, bytes, 0);
+    while cursor.left() > 0 {
+        let offset = cursor.place();
+        let header = Header::read(&mut cursor).and_then(|it| it.chunks(&mut cursor).map(|_| it));
+        match header {
+            Ok(header) => index.units = index.units.or(header.units),
+            Err(_) if cursor.ended() => {
+                index.cut = true;
+                break;
+            }
+            Err(error) => return Err(error),
+        }
+        let bytes = Some((cursor.place() - offset) as u64);
+        index.frames.push(Span { offset: offset as u64, line: index.frames.len() as u64 + 1, bytes });
+    }
+    Ok(index)
+}
+
+/// Reads the frame at `span`.
+pub(crate) fn frame(
+    path: &Path,
+    bytes: &[u8],
+    span: Span,
+    request: &Request,
+    progress: &dyn Progress,
+) -> Result<Frame> {
+    progress.begin("read", span.bytes, "B");
+    let mut cursor = cursor(path, bytes, span.offset as usize);
+    let header = Header::read(&mut cursor)?;
+    let chunks = header.chunks(&mut cursor)?;
+
+    let names = request.options.columns.as_ref().unwrap_or(&header.columns);
+    let size = header.size as usize;
+    let wrong = |what: String, hint: &str| Error::format(path, format!("frame {}", span.line), what, hint);
+    if names.is_empty() {
+        let what = format!("this dump does not name its {size} columns");
+        return Err(wrong(what, "name them in order, as the dump command does: --columns id,type,x,y,z"));
+    }
+    if names.len() != size {
+        let what = format!("{} columns are named, an atom has {size}: {}", names.len(), names.join(" "));
+        return Err(wrong(what, "name all columns, in order"));
+    }
+    let (axes, scaled) = lammps::coordinates(names).ok_or_else(|| {
+        let what = format!("no coordinates among the columns: {}", names.join(" "));
+        wrong(what, "dump x y z, xu yu zu, xs ys zs or xsu ysu zsu")
+    })?;
+    let scaled = scaled || request.options.scaled;
+
+    let others: Vec<usize> = (0..size).filter(|column| !axes.contains(column)).collect();
+    let layout = |&(place, count): &(usize, usize)| {
+        let source = |column: usize| Source {
+            bytes,
+            kind: Kind::F64,
+            order: cursor.order,
+            start: place + 8 * column,
+            stride: 8 * size,
+            step: 8,
+        };
+        let field =
+            |&column: &usize| Field { name: names[column].clone(), components: 1, source: source(column) };
+        Layout {
+            count,
+            axes: axes.map(|axis| Some(source(axis))),
+            fields: others.iter().map(field).collect(),
+        }
+    };
+    let layouts: Vec<Layout> = chunks.iter().map(layout).collect();
+    let total = span.bytes.unwrap_or_default() as usize;
+    let mut columns = match layouts.is_empty() {
+        true => Default::default(),
+        false => records::join(path, &layouts, total, progress)?.into_columns(),
+    };
+    if scaled {
+        // Fractions in doubles, before anything is rounded.
+        let first: Vec<usize> = layouts
+            .iter()
+            .scan(0, |before, layout| Some(std::mem::replace(before, *before + layout.count)))
+            .collect();
+        let position = |id: usize| {
+            let chunk = first.partition_point(|&first| first <= id) - 1;
+            let fraction = layouts[chunk].axes.map(|it| it.map_or(0.0, |it| it.number(id - first[chunk])));
+            header.cell.origin + (0..3).map(|axis| fraction[axis] * header.cell.vectors[axis]).sum::<DVec3>()
+        };
+        columns.positions = records::positions(header.count as usize, Some(header.cell.center()), position);
+    }
+    columns.attributes.iter_mut().for_each(narrow);
+    columns.cell = Some(header.cell);
+    columns.time = header.time.or(Some(header.step as f64));
+    let units = header.units.as_deref().or(request.units);
+    columns.length_unit = units.and_then(lammps::length_unit).map(str::to_string);
+    let conventions = lammps::conventions(names, axes, Some(&header.cell), scaled);
+    let mut frame = records::frame(columns, conventions, vec![])?;
+    frame.warnings.extend(lammps::looks_scaled(&frame.particles, names, axes).filter(|_| !scaled));
+    Ok(frame)
+}
+
+/// Makes of doubles what they would be in a text dump: integers where all are, else 32-bit floats.
+fn narrow(attribute: &mut Attribute) {
+    let Values::F64(values) = &attribute.values else { return };
+    let whole = |most: f64| values.iter().all(|it| it.fract() == 0.0 && it.abs() <= most);
+    let is_measured = MEASURED.contains(&attribute.name.as_str());
+    attribute.values = match values {
+        values if is_measured => Values::F32(values.iter().map(|&it| it as f32).collect()),
+        values if whole(f64::from(i32::MAX)) => Values::I32(values.iter().map(|&it| it as i32).collect()),
+        values if whole((1u64 << 53) as f64) => Values::I64(values.iter().map(|&it| it as i64).collect()),
+        values => Values::F32(values.iter().map(|&it| it as f32).collect()),
+    };
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::read::{FORMATS, real_data};
+    use tyndall::Particles;
+
+    /// How a file is written.
+    #[derive(Clone, Copy)]
+    struct Style {
+        order: Order,
+        /// 0 for that of old versions, without a name.
+        revision: i32,
+        tilted: i32,
+        name: &'static str,
+        columns: &'static str,
+    }
+
+    const NEW: Style = Style {
+        order: Order::Little,
+        revision: 2,
+        tilted: 1,
+        name: "DUMPCUSTOM",
+        columns: "id type xs ys zs q",
+    };
+
+    /// A frame of so many atoms in each chunk; the values tell atom and column.
+    fn frame(style: Style, step: i64, chunks: &[usize]) -> Vec<u8> {
+        let mut file = Vec::new();
+        let mut put = |little: &[u8]| match style.order {
+            Order::Little => file.extend_from_slice(little),
+            Order::Big => file.extend(little.iter().rev()),
+        };
+        // A text is not turned around: letter by letter.
+        let letters = |put: &mut dyn FnMut(&[u8]), text: &str| text.bytes().for_each(|it| put(&[it]));
+        if style.revision > 0 {
+            put(&(-(style.name.len() as i64)).to_le_bytes());
+            letters(&mut put, style.name);
+            [1, style.revision].iter().for_each(|it| put(&it.to_le_bytes()));
+        }
+        let size = style.columns.split(' ').count();
+        let count: usize = chunks.iter().sum();
+        [step, count as i64].iter().for_each(|it| put(&it.to_le_bytes()));
+        [style.tilted, 0, 0, 1, 1, 0, 2].iter().for_each(|it| put(&it.to_le_bytes()));
+        let bounds: &[f64] = match style.tilted {
+            0 => &[0.0, 10.0, -5.0, 15.0, 1.0, 31.0],
+            1 => &[-1.0, 15.0, -3.0, 20.0, 0.0, 30.0, 2.0, 4.0, -3.0],
+            _ => &[10.0, 1.0, 0.0, 2.0, 20.0, 0.0, 4.0, -3.0, 30.0, -1.0, 0.0, 0.5],
+        };
+        bounds.iter().for_each(|it| put(&it.to_le_bytes()));
+        put(&(size as i32).to_le_bytes());
+        if style.revision > 1 {
+            put(&5i32.to_le_bytes());
+            letters(&mut put, "metal");
+            put(&[1]);
+            put(&0.5f64.to_le_bytes());
+            put(&(style.columns.len() as i32).to_le_bytes());
+            letters(&mut put, style.columns);
+        }
+        put(&(chunks.len() as i32).to_le_bytes());
+        let mut atom = 0;
+        for &chunk in chunks {
+            put(&((chunk * size) as i32).to_le_bytes());
+            for _ in 0..chunk {
+                for (column, name) in style.columns.split(' ').enumerate() {
+                    let value = if name == "id" {
+                        f64::from(atom) + 3e9
+                    } else {
+                        f64::from(atom) + column as f64 / 8.0
+                    };
+                    put(&(if name == "type" { 1.0 } else { value }).to_le_bytes());
+                }
+                atom += 1;
+            }
+        }
+        file
+    }
+
+    fn read(bytes: &[u8]) -> Vec<Particles> {
+        real_data::open(bytes).unwrap().into_iter().map(|it| it.particles).collect()
+    }
+
+    #[test]
+    fn all_versions_orders_and_boxes_are_read() {
+        for order in [Order::Little, Order::Big] {
+            for tilted in 0..3 {
+                let style = Style { order, tilted, ..NEW };
+                let file =
+                    [frame(style, 7, &[2, 0, 3]), frame(style, 8, &[]), frame(style, 9, &[1])].concat();
+                let frames = read(&file);
+                let counts: Vec<usize> = frames.iter().map(Particles::len).collect();
+                assert_eq!(counts, [5, 0, 1], "{order:?} {tilted}");
+                let particles = &frames[0];
+                let cell = particles.cell().unwrap();
+                let edge = if tilted == 2 { DVec3::new(10.0, 1.0, 0.0) } else { DVec3::X * 10.0 };
+                assert_eq!((cell.vectors[0], cell.periodic), (edge, [true, false, true]));
+                let fraction = [4.25, 4.375, 4.5];
+                let wanted =
+                    cell.origin + (0..3).map(|axis| fraction[axis] * cell.vectors[axis]).sum::<DVec3>();
+                assert!(particles.positions().world(4).abs_diff_eq(wanted, 1e-4), "{order:?} {tilted}");
+                assert_eq!(particles.attribute("type").unwrap().values, Values::I32(vec![1; 5]));
+                assert_eq!(
+                    particles.attribute("id").unwrap().values,
+                    Values::I64((3_000_000_000..3_000_000_005).collect())
+                );
+                assert_eq!(
+                    particles.attribute("q").unwrap().values,
+                    Values::F32([0.625f32, 1.625, 2.625, 3.625, 4.625].to_vec())
+                );
+                assert_eq!((particles.time(), particles.length_unit()), (Some(0.5), Some("Å")));
+            }
+        }
+    }
+
+    #[test]
+    fn old_versions_have_no_names_of_columns() {
+        for order in [Order::Little, Order::Big] {
+            let old = Style { order, revision: 0, columns: "id type x y z", ..NEW };
+            let file = [frame(old, 7, &[2, 1]), frame(old, 9, &[1])].concat();
+            let message = real_data::open(&file).unwrap_err().to_string();
+            assert!(
+                message.contains("does not name its 5 columns") && message.contains("--columns"),
+                "{message}"
+            );
+            let columns = Some(["id", "type", "x", "y", "z"].map(str::to_string).to_vec());
+            let options = Options { columns, ..Options::default() };
+            let frames = real_data::frames(&real_data::recognised(&file).open, &file, &options).unwrap();
+            assert_eq!((frames.len(), frames[1].particles.time()), (2, Some(9.0)));
+            assert_eq!(frames[0].particles.positions().world(2), DVec3::new(2.25, 2.375, 2.5));
+            let few =
+                Options { columns: Some(vec!["x".into(), "y".into(), "z".into()]), ..Options::default() };
+            let message =
+                real_data::frames(&real_data::recognised(&file).open, &file, &few).unwrap_err().to_string();
+            assert!(message.contains("3 columns are named, an atom has 5"), "{message}");
+            // Those of the style atom are known.
+            let atom = Style { order, revision: 1, name: "DUMPATOM", columns: "id type xs ys zs", ..NEW };
+            assert!(read(&frame(atom, 0, &[1]))[0].attribute("id").is_some());
+        }
+    }
+
+    #[test]
+    fn a_file_that_is_cut_keeps_its_whole_frames() {
+        let whole = frame(NEW, 7, &[2, 3]);
+        let file = [whole.clone(), whole.clone()].concat();
+        for length in whole.len() + 1..file.len() {
+            let index = index(Path::new("test"), &file[..length], &Options::default()).unwrap();
+            assert_eq!((index.frames.len(), index.cut), (1, true), "{length}");
+        }
+    }
+
+    #[test]
+    fn counts_that_contradict_each_other_are_refused() {
+        let file = frame(NEW, 7, &[2, 3]);
+        let count_at = 8 + 10 + 8 + 8;
+        for hostile in [6i64, -1, i64::MAX] {
+            let mut file = file.clone();
+            file[count_at..][..8].copy_from_slice(&hostile.to_le_bytes());
+            let index = index(Path::new("test"), &file, &Options::default());
+            assert!(index.is_err(), "{hostile}");
+        }
+    }
+
+    #[test]
+    fn damage_never_panics_and_other_files_are_not_taken_for_it() {
+        let open = &FORMATS.iter().find(|it| it.names[0] == "lammps-binary").unwrap().open;
+        for style in [NEW, Style { revision: 0, order: Order::Big, tilted: 0, ..NEW }] {
+            let file = [frame(style, 7, &[2, 1]), frame(style, 8, &[])].concat();
+            real_data::damage(&file, |file| {
+                recognise(file);
+                drop(real_data::frames(open, file, &Options::default()));
+            });
+        }
+        assert!(
+            !recognise(&[0; 4096]) && !recognise(&[0xff; 4096]) && !recognise(b"DUMP") && !recognise(b"")
+        );
+    }
+}
