@@ -75,6 +75,10 @@ pub(crate) struct Format {
     pub(crate) open: Open,
 }
 
+/// What reads the frame at a span of whole content.
+type ReadFrame =
+    fn(path: &Path, bytes: &[u8], span: Span, request: &Request, progress: &dyn Progress) -> Result<Frame>;
+
 /// How a format is read.
 pub(crate) enum Open {
     /// The whole content at once, one frame.
@@ -84,13 +88,7 @@ pub(crate) enum Open {
         /// Finds the frames.
         index: fn(path: &Path, bytes: &[u8], options: &Options) -> Result<Index>,
         /// Reads the frame at `span`.
-        frame: fn(
-            path: &Path,
-            bytes: &[u8],
-            span: Span,
-            request: &Request,
-            progress: &dyn Progress,
-        ) -> Result<Frame>,
+        frame: ReadFrame,
     },
     /// Text, frame by frame.
     Text {

@@ -155,7 +155,7 @@ fn the_shared_gromacs_files_are_read() {
     check_cell(first.cell().unwrap(), &expected["cell_lengths_angles"]);
     assert_eq!(
         (first.time(), last.time(), first.length_unit()),
-        (Some(0.0), Some(f64::from(900.000061f32)), Some("nm"))
+        (Some(0.0), Some(f64::from(900.000_06_f32)), Some("nm"))
     );
     cut("molecular/adk_oplsaa.xtc");
 }
