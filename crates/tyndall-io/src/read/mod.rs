@@ -20,6 +20,7 @@ mod gsd;
 mod lammps;
 mod lammps_binary;
 mod lammps_data;
+mod lattice;
 mod map;
 mod mmpld;
 mod molecules;
@@ -54,6 +55,7 @@ use crate::sequence::{Frame, Options};
 use crate::topology::Topology;
 pub use density::{RawGrid, Sample, density};
 pub(crate) use feed::Feed;
+pub use lattice::{Described, described_density};
 pub(crate) use map::map;
 pub use sky::sky;
 pub(crate) use unpack::Packing;
@@ -321,6 +323,9 @@ pub(crate) fn recognise(path: &Path, options: &Options) -> Result<(&'static Form
     }
     if let Some(format) = FORMATS.iter().find(|it| (it.recognise)(&head, path)) {
         return Ok((format, packing));
+    }
+    if lattice::is_dx(&head) {
+        return Err(lattice::no_particles(path, "OpenDX"));
     }
     if let Some(error) = unreadable::explain(path, &head) {
         return Err(error);

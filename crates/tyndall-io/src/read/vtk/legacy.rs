@@ -8,7 +8,10 @@ use std::path::Path;
 use tyndall::{Error, Result};
 
 use super::data::{self, Array, Content};
-use super::{Piece, Set, grid};
+use super::image::{Block, Image, no_image};
+use super::{Piece, Set};
+use crate::read::column::{self, Separator};
+use crate::read::lattice::{self, Samples};
 use crate::read::numbers::{Kind, Order};
 
 const MAGIC: &[u8] = b"# vtk DataFile Version ";
@@ -65,7 +68,7 @@ impl Header {
     pub(super) fn check(&self, path: &Path) -> Result<()> {
         match self.kind.as_str() {
             "polydata" | "unstructured_grid" | "structured_grid" => Ok(()),
-            "structured_points" | "rectilinear_grid" => Err(grid(path, &self.kind)),
+            "structured_points" | "rectilinear_grid" => Err(lattice::no_particles(path, &self.kind)),
             other => {
                 let what = format!("a data set with points was wanted, '{other}' was found");
                 Err(Error::format(path, "header", what, HINT))
@@ -78,17 +81,22 @@ impl Header {
 pub(super) fn read<'a>(path: &'a Path, bytes: &'a [u8]) -> Result<Set<'a>> {
     let header = Header::read(path, bytes)?;
     header.check(path)?;
-    let words = Words { path, bytes, place: header.place, binary: header.binary };
-    let mut file = File {
-        words,
-        new_cells: header.version >= 5,
-        set: Set::default(),
-        piece: None,
-        attributes: Vec::new(),
-        owner: Owner::Whole,
-    };
+    let mut file = File::new(path, bytes, &header);
     while file.section()? {}
     file.finish()
+}
+
+/// Finds the arrays of an image.
+pub(super) fn image<'a>(path: &'a Path, bytes: &'a [u8]) -> Result<Image<'a>> {
+    let header = Header::read(path, bytes)?;
+    if header.kind != "structured_points" {
+        return Err(no_image(path, &header.kind));
+    }
+    let mut file = File::new(path, bytes, &header);
+    while file.section()? {}
+    let extent = file.size.map(|size| [0, size as i64 - 1]);
+    let block = Block { extent, points: file.attributes, cells: file.cell_attributes };
+    Ok(Image { extent, origin: file.origin, spacing: file.spacing, blocks: vec![block] })
 }
 
 /// Whom the arrays belong to that come next.
@@ -107,10 +115,37 @@ struct File<'a> {
     set: Set<'a>,
     piece: Option<(usize, Array<'a>)>,
     attributes: Vec<Array<'a>>,
+    /// The arrays of the cells of an image.
+    cell_attributes: Vec<Array<'a>>,
     owner: Owner,
+    /// Of an image: its points along x, y, z, where the first one lies, and their distances.
+    size: [usize; 3],
+    origin: [f64; 3],
+    spacing: [f64; 3],
 }
 
 impl<'a> File<'a> {
+    fn new(path: &'a Path, bytes: &'a [u8], header: &Header) -> Self {
+        Self {
+            words: Words { path, bytes, place: header.place, binary: header.binary },
+            new_cells: header.version >= 5,
+            set: Set::default(),
+            piece: None,
+            attributes: Vec::new(),
+            cell_attributes: Vec::new(),
+            owner: Owner::Whole,
+            size: [0; 3],
+            origin: [0.0; 3],
+            spacing: [1.0; 3],
+        }
+    }
+
+    /// How many points there are.
+    fn count(&self) -> usize {
+        let image = || Samples::count(self.size).unwrap_or_default();
+        self.piece.as_ref().map_or_else(image, |(count, _)| *count)
+    }
+
     /// Passes over the next section; false at the end of the file.
     fn section(&mut self) -> Result<bool> {
         let word = self.words.word();
@@ -154,14 +189,22 @@ impl<'a> File<'a> {
                 self.set.note_cell_types(self.words.path, count, &types)?;
             }
             b"dimensions" => {
-                for _ in 0..3 {
-                    self.words.count("dimensions")?;
+                for size in &mut self.size {
+                    *size = self.words.count("dimensions")?;
+                }
+            }
+            name @ (b"origin" | b"spacing" | b"aspect_ratio") => {
+                let numbers = [self.words.real()?, self.words.real()?, self.words.real()?];
+                if name == b"origin" {
+                    self.origin = numbers;
+                } else {
+                    self.spacing = numbers;
                 }
             }
             b"point_data" => {
                 let count = self.words.count("how many points have data")?;
                 self.owner = Owner::Points;
-                if self.piece.as_ref().is_none_or(|(points, _)| *points != count) {
+                if self.count() != count {
                     return Err(self
                         .words
                         .fault(format!("data of {count} points, not of as many as there are")));
@@ -232,13 +275,10 @@ impl<'a> File<'a> {
 
     /// An array of the points, the cells or the whole.
     fn attribute(&mut self, name: String, components: usize, kind: Type) -> Result<()> {
-        let points = self.piece.as_ref().map_or(0, |(count, _)| *count);
+        let points = self.count();
         match self.owner {
             Owner::Points => self.array_of(name, components, points, kind),
-            Owner::Cells(count) => {
-                self.set.cell_arrays.push(name);
-                self.skip(kind, count, components)
-            }
+            Owner::Cells(count) => self.array_of_cells(name, components, count, kind),
             Owner::Whole => Err(self.words.fault(format!("'{name}' belongs neither to points nor to cells"))),
         }
     }
@@ -271,6 +311,15 @@ impl<'a> File<'a> {
         }
     }
 
+    /// An array of the cells.
+    fn array_of_cells(&mut self, name: String, components: usize, count: usize, kind: Type) -> Result<()> {
+        self.set.cell_arrays.push(name.clone());
+        let Type::Numbers(kind) = kind else { return self.skip(kind, count, components) };
+        let content = self.words.array(count, components, kind)?;
+        self.cell_attributes.push(Array { name, components, kind, content });
+        Ok(())
+    }
+
     /// Named arrays that each say how long they are.
     fn field(&mut self) -> Result<()> {
         self.words.word();
@@ -292,17 +341,14 @@ impl<'a> File<'a> {
             let kind = self.words.kind()?;
             match (self.owner, kind) {
                 (Owner::Points, _) => {
-                    let points = self.piece.as_ref().map_or(0, |(points, _)| *points);
+                    let points = self.count();
                     if points != count {
                         let what = format!("array '{name}' has {count} tuples for {points} points");
                         return Err(self.words.fault(what));
                     }
                     self.array_of(name, components, count, kind)?;
                 }
-                (Owner::Cells(_), _) => {
-                    self.skip(kind, count, components)?;
-                    self.set.cell_arrays.push(name);
-                }
+                (Owner::Cells(_), _) => self.array_of_cells(name, components, count, kind)?,
                 (Owner::Whole, Type::Numbers(kind)) => {
                     let content = self.words.array(count, components, kind)?;
                     let array = Array { name, components, kind, content };
@@ -414,6 +460,14 @@ impl<'a> Words<'a> {
     fn count(&mut self, what: &str) -> Result<usize> {
         let word = self.word();
         self.parse(word, what)
+    }
+
+    fn real(&mut self) -> Result<f64> {
+        let word = self.word();
+        let number = column::number(word, Separator::BLANKS).filter(|(_, taken)| *taken == word.len());
+        let number = number
+            .ok_or_else(|| self.fault(format!("a number was wanted, '{}' was found", data::show(word))));
+        Ok(number?.0)
     }
 
     fn kind(&mut self) -> Result<Type> {

@@ -5,6 +5,7 @@
 //! a copy of one of them at most stands beside the columns.
 
 mod data;
+mod image;
 mod legacy;
 mod list;
 #[cfg(test)]
@@ -20,14 +21,15 @@ use tyndall::particles::{Attribute, Columns, Positions, Values};
 use tyndall::{Error, Progress, Result};
 
 use self::data::Array;
+pub(crate) use self::image::image;
 use self::list::Step;
 use self::xml::Document;
 use super::numbers::Order;
 use super::records::{self, Field, Layout, Source};
-use super::{Index, Packing, Request, Span};
+use super::{Index, Packing, Request, Span, lattice};
 use crate::sequence::{Frame, Options};
 
-/// Points with this bit in `vtkGhostType` are copies of another piece's; with the second one they are hidden.
+/// Bits of `vtkGhostType`: the point is a copy of another piece's, or hidden.
 const GHOST: u8 = 3;
 
 /// Whether the file begins like one of VTK's, or like a list of such files.
@@ -105,13 +107,6 @@ impl Set<'_> {
     }
 }
 
-/// A file whose samples are a grid.
-fn grid(path: &Path, kind: &str) -> Error {
-    let what = format!("this is a grid of samples ({kind}), it has no particles");
-    let hint = "give a data set with points, such as PolyData; a uniform grid can be rendered as a medium, as [grid] of a scene file";
-    Error::format(path, "", what, hint)
-}
-
 /// What a file is.
 enum Outline<'a> {
     Legacy(legacy::Header),
@@ -140,7 +135,7 @@ impl<'a> Outline<'a> {
             "PolyData" | "UnstructuredGrid" | "StructuredGrid" => Ok(Self::Points(document)),
             "Collection" => Ok(Self::Steps("ParaView collection", list::collection(path, &document)?)),
             "ImageData" | "RectilinearGrid" | "PImageData" | "PRectilinearGrid" | "HyperTreeGrid" => {
-                Err(grid(path, &document.kind))
+                Err(lattice::no_particles(path, &document.kind))
             }
             other => {
                 let what = format!("a data set with points was wanted, the file's type is '{other}'");

@@ -12,6 +12,7 @@ use quick_xml::reader::Reader;
 use tyndall::{Error, Result};
 
 use super::data::{Array, Compressor, Content, Encoded, Style};
+use super::image::{Block, Image, no_image};
 use super::{Piece, Set};
 use crate::read::numbers::{Kind, Order};
 
@@ -195,6 +196,52 @@ impl<'a> Document<'a> {
         Ok(())
     }
 
+    /// The image that the file holds.
+    pub(super) fn image(&self) -> Result<Image<'a>> {
+        if self.kind != "ImageData" {
+            return Err(no_image(self.path, &self.kind));
+        }
+        let body = self.body()?;
+        let style = self.style()?;
+        let identity = |it: &&str| it.split_whitespace().eq("1 0 0 0 1 0 0 0 1".split(' '));
+        if body.get("Direction").is_some_and(|it| !identity(&it)) {
+            let hint = "resample it along the axes, for example in ParaView";
+            return Err(Error::format(self.path, "ImageData", "the image is turned (Direction)", hint));
+        }
+        let vector = |name: &str, default: f64| {
+            let text = body.get(name);
+            let numbers = text.map_or(Some(vec![default; 3]), |it| {
+                it.split_whitespace().map(|it| it.parse().ok()).collect()
+            });
+            let numbers = numbers.and_then(|it| <[f64; 3]>::try_from(it).ok());
+            let found = text.unwrap_or_default();
+            numbers.ok_or_else(|| {
+                self.fault("ImageData", format!("{name}: three numbers were wanted, '{found}' was found"))
+            })
+        };
+        let extent = |node: &Node, name: &str| {
+            let text = node.get(name).unwrap_or_default();
+            let what = || format!("{name}: six numbers were wanted, '{text}' was found");
+            parse_extent(text).ok_or_else(|| self.fault(&node.name, what()))
+        };
+        let mut blocks = Vec::new();
+        for piece in body.children.iter().filter(|it| it.name == "Piece") {
+            let arrays = |name: &str| -> Result<Vec<Array<'a>>> {
+                let nodes = piece.child(name).into_iter().flat_map(|it| &it.children);
+                let arrays = nodes.map(|it| Ok(self.array(it, style, 1)?.and_then(std::result::Result::ok)));
+                arrays.filter_map(Result::transpose).collect()
+            };
+            let [points, cells] = [arrays("PointData")?, arrays("CellData")?];
+            blocks.push(Block { extent: extent(piece, "Extent")?, points, cells });
+        }
+        Ok(Image {
+            extent: extent(body, "WholeExtent")?,
+            origin: vector("Origin", 0.0)?,
+            spacing: vector("Spacing", 1.0)?,
+            blocks,
+        })
+    }
+
     /// An array; its name only if it holds no numbers, `None` if it is of another time step or no array at all.
     fn array(
         &self,
@@ -328,12 +375,15 @@ fn kind(name: &str) -> Option<Kind> {
 
 /// How many points a piece of a structured grid has.
 fn extent_points(extent: &str) -> Option<usize> {
-    let ends: Vec<i64> = extent.split_whitespace().map(|it| it.parse().ok()).collect::<Option<_>>()?;
-    if ends.len() != 6 {
-        return None;
-    }
-    ends.chunks_exact(2).try_fold(1usize, |count, ends| {
-        let points = ends[1].checked_sub(ends[0])?.checked_add(1)?.max(0);
+    parse_extent(extent)?.iter().try_fold(1usize, |count, [first, last]| {
+        let points = last.checked_sub(*first)?.checked_add(1)?.max(0);
         count.checked_mul(points.try_into().ok()?)
     })
+}
+
+/// The first and the last number along each axis.
+fn parse_extent(extent: &str) -> Option<[[i64; 2]; 3]> {
+    let ends: Vec<i64> = extent.split_whitespace().map(|it| it.parse().ok()).collect::<Option<_>>()?;
+    let ends: [i64; 6] = ends.try_into().ok()?;
+    Some([[ends[0], ends[1]], [ends[2], ends[3]], [ends[4], ends[5]]])
 }
