@@ -27,6 +27,7 @@ use tyndall::scene::outline::Outline;
 use tyndall::scene::short;
 use tyndall::structure::Spheres;
 use tyndall::{DVec3, Error, Vec3};
+use tyndall_io::read::Described;
 use tyndall_io::write;
 
 use self::args::{CacheName, KernelName, MethodName, SmoothingName};
@@ -48,7 +49,9 @@ pub(crate) fn scene_of(args: &Render) -> Option<&Path> {
 /// Renders what a scene file says.
 pub(crate) fn run_scene(path: &Path, report: &Report) -> Outcome<()> {
     let scene = SceneFile::read(path, std::env::args_os())?;
-    let Some(density) = scene.density(report)? else { return render::run(&scene.args, report) };
+    let Some(Described { grid: density, conventions }) = scene.density(report)? else {
+        return render::run(&scene.args, report);
+    };
     let job = Job { args: &scene.args, report };
     let pattern = job.start()?;
     let pictures = plan::pictures(job.args, &pattern, 1, report)?;
@@ -60,6 +63,7 @@ pub(crate) fn run_scene(path: &Path, report: &Report) -> Outcome<()> {
     }
     let (medium, scene) = job.scene(density, None, None)?;
     let mut guesses = vec![format!("medium, cpu {} threads", rayon::current_num_threads())];
+    guesses.extend(conventions);
     guesses.extend(scene.guesses.clone());
     report.note(format_args!("tyndall: {}", guesses.join(" · ")));
     let metadata = metadata::of_scene(path, &job.spheres_settings(), &guesses);

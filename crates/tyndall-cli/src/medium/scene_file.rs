@@ -2,7 +2,7 @@
 //!
 //! Every table but `grid`, `particles` and `light` holds flags by their long names without dashes, such as `eye = [1, 2, 3]` for
 //! `--eye 1,2,3` (the tables' own names are for people). Each `[[light]]` has a kind, `sun`, `point`, `spot`, `sky` or `image`, and what the flag
-//! `--light` says. `[grid]` names a raw file of samples, `[particles]` files of particles. What the command line says beside the
+//! `--light` says. `[grid]` names a file of samples, raw or one that says where they lie (OpenDX, VTK), `[particles]` files of particles. What the command line says beside the
 //! scene's name counts before the scene. Paths are relative to the scene file.
 
 use std::ffi::OsString;
@@ -12,9 +12,8 @@ use std::path::{Path, PathBuf};
 use clap::Parser;
 use serde::Deserialize;
 use toml::{Table, Value};
-use tyndall::medium::Grid;
 use tyndall::{Error, Vec3};
-use tyndall_io::read::{self, RawGrid, Sample};
+use tyndall_io::read::{self, Described, RawGrid, Sample};
 
 use crate::args::{self, Cli, Verb};
 use crate::report::{Failure, Outcome, Report};
@@ -33,18 +32,15 @@ pub(super) struct SceneFile {
 #[serde(deny_unknown_fields)]
 struct GridFile {
     file: PathBuf,
-    size: [u32; 3],
-    #[serde(default = "u16_samples")]
-    sample: String,
     #[serde(default = "one")]
     scale: f64,
-    spacing: f32,
-    #[serde(default)]
-    origin: [f32; 3],
-}
-
-fn u16_samples() -> String {
-    "u16".into()
+    /// Of a file that says itself where its samples lie: which array.
+    array: Option<String>,
+    /// Of a raw file.
+    size: Option<[u32; 3]>,
+    sample: Option<String>,
+    spacing: Option<f32>,
+    origin: Option<[f32; 3]>,
 }
 
 fn one() -> f64 {
@@ -104,17 +100,30 @@ impl SceneFile {
     }
 
     /// The density of `[grid]`; `None` if the scene has particles instead.
-    pub(super) fn density(&self, report: &Report) -> Outcome<Option<Grid>> {
+    pub(super) fn density(&self, report: &Report) -> Outcome<Option<Described>> {
         let Some(grid) = &self.grid else { return Ok(None) };
-        let raw = RawGrid {
-            size: grid.size,
-            sample: Sample::named(&grid.sample)?,
-            scale: grid.scale,
-            origin: Vec3::from(grid.origin),
-            spacing: grid.spacing,
-        };
         let file = self.path.parent().unwrap_or(Path::new(".")).join(&grid.file);
-        Ok(Some(read::density(&file, &raw, report.progress())?))
+        let (size, spacing) = match (grid.size, grid.spacing) {
+            (Some(size), Some(spacing)) if grid.array.is_none() => (size, spacing),
+            (None, None) if grid.sample.is_none() && grid.origin.is_none() => {
+                let array = grid.array.as_deref();
+                return Ok(Some(read::described_density(&file, array, grid.scale, report.progress())?));
+            }
+            _ => {
+                let what = "[grid] is neither that of a raw file nor that of an OpenDX or VTK file";
+                let hint = "a raw file needs size and spacing and has no array; others say size, sample, spacing and origin themselves";
+                return Err(Error::format(&self.path, "", what, hint).into());
+            }
+        };
+        let raw = RawGrid {
+            size,
+            sample: Sample::named(grid.sample.as_deref().unwrap_or("u16"))?,
+            scale: grid.scale,
+            origin: Vec3::from(grid.origin.unwrap_or_default()),
+            spacing,
+        };
+        let grid = read::density(&file, &raw, report.progress())?;
+        Ok(Some(Described { grid, conventions: Vec::new() }))
     }
 }
 

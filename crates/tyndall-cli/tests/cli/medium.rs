@@ -122,6 +122,39 @@ fn a_scene_file_has_a_grid_in_place_of_particles() {
 }
 
 #[test]
+fn a_grid_file_may_say_itself_where_its_samples_lie() {
+    let folder = Folder::new();
+    let samples = "1 ".repeat(48);
+    let dx = "object 1 class gridpositions counts 3 4 4\norigin 0 0 0\ndelta 0.5 0 0\ndelta 0 0.5 0\ndelta 0 0 0.5\n\
+        object 3 class array type float rank 0 items 48 data follows\n";
+    folder.file("block.dx", format!("{dx}{samples}\n"));
+    let vti = format!(
+        "<VTKFile type='ImageData'><ImageData WholeExtent='0 2 0 3 0 3' Spacing='0.5 0.5 0.5'><Piece Extent='0 2 0 3 0 3'>\
+         <PointData><DataArray type='Float32' Name='rho'>{samples}</DataArray></PointData></Piece></ImageData></VTKFile>"
+    );
+    folder.file("block.vti", vti);
+    let scene = |table: &str| {
+        let start = SCENE.find("[medium]").unwrap();
+        format!("[grid]\n{table}\n{}", &SCENE[start..])
+    };
+    for (table, part) in
+        [("file = 'block.dx'", "grid 3x4x4"), ("file = 'block.vti'\narray = 'rho'", "array 'rho'")]
+    {
+        folder.file("a.toml", scene(table));
+        let said = folder.render("a.toml -o a.png").fine();
+        assert!(said.contains(part), "{said}");
+    }
+    for (table, part) in [
+        ("file = 'block.dx'\nspacing = 1", "size and spacing"),
+        ("file = 'block.vti'\narray = 'T'", "found: rho"),
+    ] {
+        folder.file("a.toml", scene(table));
+        folder.render("a.toml -o a.png").fails(3, &[part]);
+    }
+    folder.render("block.dx -o a.png").fails(3, &["no particles", "[grid]"]);
+}
+
+#[test]
 fn scenes_that_make_no_sense_say_why() {
     let folder = Folder::new();
     for (text, part) in [
