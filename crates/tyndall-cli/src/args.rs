@@ -83,8 +83,8 @@ pub(crate) struct Input {
     /// only (XTC, TRR, DCD, AMBER NetCDF) names their particles: topol.gro traj.xtc
     #[arg(required = true, value_name = "FILE", help_heading = None)]
     pub(crate) files: Vec<PathBuf>,
-    /// Format, instead of recognising it: lammps lammps-binary lammps-data xyz gro xtc trr dcd amber pdb cif bcif gsd ply npy bgeo
-    /// geo prt ptc pda mmpld vtk csv
+    /// Format, instead of recognising it: lammps lammps-binary lammps-data xyz gro xtc trr dcd amber pdb cif bcif gsd gadget tipsy
+    /// hdf5 ply npy bgeo geo prt ptc pda mmpld vtk las e57 pcd pts csv
     #[arg(long, value_name = "NAME")]
     pub(crate) format: Option<String>,
     /// Names of the columns of a table, in order: id,type,x,y,z
@@ -96,6 +96,12 @@ pub(crate) struct Input {
     /// Biological assembly to make of a PDB or mmCIF file: its number, or all [default: the atoms of the file]
     #[arg(long, value_name = "NUMBER")]
     pub(crate) assembly: Option<String>,
+    /// Types of particles to read from a snapshot (Gadget, TIPSY, HDF5), by name or number: gas,star or 0,4 [default: all]
+    #[arg(long = "type", value_name = "TYPES", value_delimiter = ',')]
+    pub(crate) types: Option<Vec<String>>,
+    /// Data set of an HDF5 file that has the positions, or group of particles of an H5MD file, where there are several
+    #[arg(long, value_name = "PATH")]
+    pub(crate) dataset: Option<String>,
     /// Fails on a truncated file, instead of reading its whole frames
     #[arg(long)]
     pub(crate) strict: bool,

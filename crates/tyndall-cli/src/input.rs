@@ -17,6 +17,8 @@ pub(crate) fn open(input: &Input, report: &Report) -> Outcome<Sequence> {
         strict: input.strict,
         scaled: input.coords == Some(Coords::Scaled),
         assembly: input.assembly.clone(),
+        types: input.types.clone(),
+        dataset: input.dataset.clone(),
     };
     Ok(Sequence::open(&input.files, &options, report.progress())?)
 }

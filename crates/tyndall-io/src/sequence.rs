@@ -32,6 +32,10 @@ pub struct Options {
     pub scaled: bool,
     /// The biological assembly to make of a PDB or mmCIF file, by its name, or `all`; none leaves the atoms as they stand in the file.
     pub assembly: Option<String>,
+    /// Names or numbers of the types of particles to read from a snapshot (Gadget, TIPSY, HDF5); all if `None`.
+    pub types: Option<Vec<String>>,
+    /// Which data set of an HDF5 file has the positions, or which group of an H5MD file the particles, where there are several.
+    pub dataset: Option<String>,
 }
 
 /// One frame of a sequence.
@@ -97,7 +101,8 @@ impl Sequence {
             true => Err(Error::Interrupted),
             false => Source::open(path, options, keep, progress),
         };
-        let mut sources: Vec<Source> = paths.par_iter().map(open).collect::<Result<_>>()?;
+        let sources: Vec<Source> = paths.par_iter().map(open).collect::<Result<_>>()?;
+        let mut sources = without_repeated_snapshots(sources);
         if let Some(assembly) = &options.assembly
             && !sources.iter().any(Source::has_assemblies)
         {
@@ -188,6 +193,21 @@ impl Sequence {
     }
 }
 
+/// The sources, of which each file of a snapshot that is spread over several would be the whole: only the first of them stays.
+fn without_repeated_snapshots(sources: Vec<Source>) -> Vec<Source> {
+    let mut seen: Vec<Vec<PathBuf>> = Vec::new();
+    let is_new = |source: &Source| {
+        let Source::File(file) = source else { return true };
+        let files = &file.index.files;
+        let is_new = files.len() < 2 || !seen.contains(files);
+        if files.len() > 1 && is_new {
+            seen.push(files.clone());
+        }
+        is_new
+    };
+    sources.into_iter().filter(is_new).collect()
+}
+
 /// Makes the particles of a procedural source.
 fn synthetic_frame(spec: &str, progress: &dyn Progress) -> Result<Frame> {
     let particles = tyndall::synthetic::generate(spec, progress)?;
@@ -270,6 +290,7 @@ impl Source {
 impl FileSource {
     fn open(path: &Path, options: &Options, keep: bool, progress: &dyn Progress) -> Result<Self> {
         let (format, packing) = read::recognise(path, options)?;
+        check_types(path, format, options)?;
         let (mut content, mut told) = (None, 0);
         let index = match &format.open {
             Open::Whole(_) => {
@@ -378,6 +399,21 @@ impl FileSource {
             Some(feed) => Ok(feed),
             None => stream(&self.path, self.packing),
         }
+    }
+}
+
+/// Refuses types of particles where files do not have them.
+fn check_types(path: &Path, format: &Format, options: &Options) -> Result<()> {
+    match &options.types {
+        Some(types) if !format.has_types() => {
+            let allowed = format!(
+                "only snapshots (Gadget, TIPSY, HDF5) have types to choose from, {} is of the format {}; use --filter type=…",
+                file_name(path),
+                format.title
+            );
+            Err(Error::setting("type", types.join(","), allowed))
+        }
+        _ => Ok(()),
     }
 }
 

@@ -10,34 +10,46 @@ mod bcif;
 mod bgeo;
 mod cif;
 mod column;
+mod content;
 mod cursor;
 mod dcd;
 mod density;
+mod e57;
 mod feed;
+mod gadget;
 mod geo;
 mod gro;
 mod gsd;
+#[cfg(feature = "hdf5")]
+mod hdf5;
 mod lammps;
 mod lammps_binary;
 mod lammps_data;
+mod las;
 mod lattice;
+mod lzf;
 mod map;
 mod mmpld;
 mod molecules;
 mod netcdf;
 pub(crate) mod npy;
 mod numbers;
+mod pcd;
 mod pda;
 mod pdb;
 mod ply;
 mod prt;
 mod ptc;
+mod pts;
 #[cfg(test)]
 mod real_data;
 mod records;
 mod rows;
+mod sections;
 mod sky;
+mod snapshot;
 mod table;
+mod tipsy;
 mod trr;
 mod unpack;
 mod unreadable;
@@ -47,7 +59,7 @@ mod xyz;
 
 use std::fs::File;
 use std::io::Read;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use tyndall::{Columns, Error, Particles, Progress, Result};
 
@@ -77,7 +89,14 @@ pub(crate) struct Format {
     pub(crate) open: Open,
 }
 
-/// What reads the frame at a span of whole content.
+impl Format {
+    /// Whether [`Options::types`] chooses among its particles.
+    pub(crate) fn has_types(&self) -> bool {
+        ["gadget", "tipsy", "hdf5"].contains(&self.names[0])
+    }
+}
+
+/// Reads the frame at `span` of content that lies in memory as a whole.
 type ReadFrame =
     fn(path: &Path, bytes: &[u8], span: Span, request: &Request, progress: &dyn Progress) -> Result<Frame>;
 
@@ -112,6 +131,8 @@ pub(crate) struct Index {
     pub(crate) units: Option<String>,
     /// What the format is called in this file, where that says more than [`Format::title`].
     pub(crate) title: Option<String>,
+    /// All files that are one with this one, where a frame is spread over several.
+    pub(crate) files: Vec<PathBuf>,
 }
 
 /// Where a frame is in the unpacked content.
@@ -300,6 +321,49 @@ pub(crate) const FORMATS: &[Format] = &[
         open: Open::Binary { index: vtk::index, frame: vtk::frame },
     },
     Format {
+        names: &["gadget", "gadget1", "gadget2"],
+        title: "Gadget",
+        recognise: |head, _| gadget::recognise(head),
+        open: Open::Binary { index: gadget::index, frame: gadget::frame },
+    },
+    Format {
+        names: &["tipsy"],
+        title: "TIPSY",
+        recognise: |head, _| tipsy::recognise(head),
+        open: Open::Binary { index: tipsy::index, frame: tipsy::frame },
+    },
+    #[cfg(feature = "hdf5")]
+    Format {
+        names: &["hdf5", "h5", "h5md", "openpmd"],
+        title: "HDF5",
+        recognise: |head, _| hdf5::recognise(head),
+        open: Open::Binary { index: hdf5::index, frame: hdf5::frame },
+    },
+    Format {
+        names: &["las", "laz"],
+        title: "LAS",
+        recognise: |head, _| las::recognise(head),
+        open: Open::Whole(las::read),
+    },
+    Format {
+        names: &["e57"],
+        title: "E57",
+        recognise: |head, _| e57::recognise(head),
+        open: Open::Whole(e57::read),
+    },
+    Format {
+        names: &["pcd"],
+        title: "PCD",
+        recognise: |head, _| pcd::recognise(head),
+        open: Open::Whole(pcd::read),
+    },
+    Format {
+        names: &["pts"],
+        title: "PTS",
+        recognise: |head, _| pts::recognise(head),
+        open: Open::Text { index: pts::index, frame: pts::frame },
+    },
+    Format {
         names: &["csv", "tsv", "table", "txt"],
         title: "table",
         recognise: table::recognise,
@@ -346,7 +410,7 @@ fn head(path: &Path) -> Result<(Vec<u8>, Packing)> {
         return Err(Error::format(path, "", "this is not a file", hint));
     }
     let mut magic = Vec::new();
-    (&mut file).take(4).read_to_end(&mut magic).map_err(io)?;
+    (&mut file).take(unpack::MAGIC_BYTES as u64).read_to_end(&mut magic).map_err(io)?;
     let packing = Packing::of(&magic);
     let file = File::open(path).map_err(io)?;
     let mut head = Vec::new();

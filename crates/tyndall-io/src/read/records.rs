@@ -19,10 +19,10 @@ use crate::sequence::Frame;
 pub(crate) const ORIGIN_COUNT: usize = 4096;
 
 /// Rows that one thread takes at a time.
-const JOB_ROWS: usize = 1 << 16;
+pub(super) const JOB_ROWS: usize = 1 << 16;
 
 /// Rows that are brought into all columns before the next ones: their bytes stay in the cache meanwhile.
-const CACHE_ROWS: usize = 1 << 11;
+pub(super) const CACHE_ROWS: usize = 1 << 11;
 
 /// Where the values of one quantity stand: component `c` of particle `id` at byte `start + id * stride + c * step`.
 #[derive(Clone, Copy, Debug)]
@@ -96,7 +96,7 @@ impl Source<'_> {
     }
 
     /// Whether a value is too large for a column of signed 64-bit integers.
-    fn exceeds_i64(&self, count: usize, components: usize) -> bool {
+    pub(super) fn exceeds_i64(&self, count: usize, components: usize) -> bool {
         let high = match self.order {
             Order::Little => 7,
             Order::Big => 0,
@@ -327,8 +327,9 @@ pub(crate) enum Slot<'a> {
 }
 
 impl Slot<'_> {
-    /// Fills the slot's rows `rows` from a source in which the slot's first row is particle `start`.
-    fn fill(&mut self, source: &Source, start: usize, components: usize, rows: Range<usize>) {
+    /// Fills the slot's rows `rows` from a source in which the slot's first row is particle `start`. A number of another type
+    /// than the slot's becomes the nearest one that the slot can hold.
+    pub(super) fn fill(&mut self, source: &Source, start: usize, components: usize, rows: Range<usize>) {
         let first = start + rows.start;
         let range = rows.start * components..rows.end * components;
         match (self, source.kind) {
@@ -337,7 +338,8 @@ impl Slot<'_> {
             }
             (Self::F64(out), _) => source.convert_all(&mut out[range], first, components, |value| value),
             (Self::F32(out), Kind::F16) => source.fill(&mut out[range], first, components, |it: Half| it.0),
-            (Self::F32(out), _) => source.fill(&mut out[range], first, components, |it: f32| it),
+            (Self::F32(out), Kind::F32) => source.fill(&mut out[range], first, components, |it: f32| it),
+            (Self::F32(out), _) => source.convert_all(&mut out[range], first, components, |it| it as f32),
             (Self::I32(out), Kind::I8) => source.fill(&mut out[range], first, components, |it: i8| it.into()),
             (Self::I32(out), Kind::I16) => {
                 source.fill(&mut out[range], first, components, |it: i16| it.into())
@@ -345,12 +347,30 @@ impl Slot<'_> {
             (Self::I32(out), Kind::U16) => {
                 source.fill(&mut out[range], first, components, |it: u16| it.into())
             }
-            (Self::I32(out), _) => source.fill(&mut out[range], first, components, |it: i32| it),
+            (Self::I32(out), Kind::I32) => source.fill(&mut out[range], first, components, |it: i32| it),
+            (Self::I32(out), _) => source.convert_all(&mut out[range], first, components, |it| it as i32),
             (Self::I64(out), Kind::U32) => {
                 source.fill(&mut out[range], first, components, |it: u32| it.into())
             }
-            (Self::I64(out), _) => source.fill(&mut out[range], first, components, |it: i64| it),
-            (Self::U8(out), _) => source.fill(&mut out[range], first, components, |it: u8| it),
+            (Self::I64(out), Kind::I64 | Kind::U64) => {
+                source.fill(&mut out[range], first, components, |it: i64| it)
+            }
+            (Self::I64(out), _) => source.convert_all(&mut out[range], first, components, |it| it as i64),
+            (Self::U8(out), Kind::U8) => source.fill(&mut out[range], first, components, |it: u8| it),
+            (Self::U8(out), _) => source.convert_all(&mut out[range], first, components, |it| it as u8),
+        }
+    }
+
+    /// Fills the slot's rows `rows` with one number.
+    pub(super) fn fill_constant(&mut self, value: f64, components: usize, rows: Range<usize>) {
+        let range = rows.start * components..rows.end * components;
+        match self {
+            Self::Offset { origin, out } => out[range].fill((value - *origin) as f32),
+            Self::F32(out) => out[range].fill(value as f32),
+            Self::F64(out) => out[range].fill(value),
+            Self::I32(out) => out[range].fill(value as i32),
+            Self::I64(out) => out[range].fill(value as i64),
+            Self::U8(out) => out[range].fill(value as u8),
         }
     }
 }

@@ -1,6 +1,6 @@
 //! Compressed files: which compression it is, by its magic bytes, and the bytes inside as a stream.
 //!
-//! Gzip may have many members and Zstandard many frames; both are read to their end. A stream that stops too early fails
+//! Gzip may have many members, Zstandard many frames, bzip2 and xz many streams; all are read to their end. A stream that stops too early fails
 //! with [`ErrorKind::UnexpectedEof`], one that is damaged with [`ErrorKind::InvalidData`]. It counts what it takes of the
 //! file, so that a progress has a total that is known beforehand: the file's size.
 
@@ -8,9 +8,17 @@ use std::io::{BufRead, BufReader, Error, ErrorKind, Read, Result};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
+use bzip2::bufread::MultiBzDecoder;
 use flate2::bufread::GzDecoder;
+use lzma_rust2::XzReader;
 use ruzstd::decoding::errors::{FrameDecoderError, ReadFrameHeaderError};
 use ruzstd::decoding::{BlockDecodingStrategy, FrameDecoder};
+
+/// So many bytes tell a compression.
+pub(crate) const MAGIC_BYTES: usize = 6;
+
+/// What an xz file may ask for to be unpacked, in KiB: its highest preset needs 65 MiB.
+const MOST_XZ_KIB: u32 = 512 << 10;
 
 /// How a file is compressed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -21,6 +29,10 @@ pub(crate) enum Packing {
     Gzip,
     /// With Zstandard.
     Zstd,
+    /// With bzip2.
+    Bzip2,
+    /// With xz.
+    Xz,
 }
 
 impl Packing {
@@ -32,6 +44,10 @@ impl Packing {
             Self::Gzip
         } else if head.starts_with(&[0x28, 0xb5, 0x2f, 0xfd]) || skippable {
             Self::Zstd
+        } else if is_bzip2(head) {
+            Self::Bzip2
+        } else if head.starts_with(b"\xfd7zXZ\0") {
+            Self::Xz
         } else {
             Self::Plain
         }
@@ -43,6 +59,8 @@ impl Packing {
             Self::Plain => None,
             Self::Gzip => Some("gzip"),
             Self::Zstd => Some("zstd"),
+            Self::Bzip2 => Some("bzip2"),
+            Self::Xz => Some("xz"),
         }
     }
 
@@ -55,9 +73,17 @@ impl Packing {
             Self::Plain => Box::new(file),
             Self::Gzip => Box::new(Gzip { member: Some(GzDecoder::new(file)) }),
             Self::Zstd => Box::new(Zstd { file, decoder: FrameDecoder::new(), inside: false }),
+            Self::Bzip2 => Box::new(MultiBzDecoder::new(file)),
+            Self::Xz => Box::new(XzReader::new_mem_limit(file, true, MOST_XZ_KIB)),
         };
         Stream { content, taken }
     }
+}
+
+/// Whether a bzip2 stream begins here: its block size, then the mark of a block or of the end. A text may begin with BZh too.
+fn is_bzip2(head: &[u8]) -> bool {
+    let sized = head.starts_with(b"BZh") && matches!(head.get(3), Some(b'1'..=b'9'));
+    sized && head.get(4..6).is_some_and(|mark| mark == [0x31, 0x41] || mark == [0x17, 0x72])
 }
 
 /// The content of a file, unpacked while it is read.
@@ -201,6 +227,19 @@ mod tests {
         ruzstd::encoding::compress_to_vec(bytes, ruzstd::encoding::CompressionLevel::Fastest)
     }
 
+    fn bzip2(bytes: &[u8]) -> Vec<u8> {
+        let mut encoder = ::bzip2::write::BzEncoder::new(Vec::new(), ::bzip2::Compression::fast());
+        encoder.write_all(bytes).unwrap();
+        encoder.finish().unwrap()
+    }
+
+    fn xz(bytes: &[u8]) -> Vec<u8> {
+        let mut writer =
+            lzma_rust2::XzWriter::new(Vec::new(), lzma_rust2::XzOptions::with_preset(1)).unwrap();
+        writer.write_all(bytes).unwrap();
+        writer.finish().unwrap()
+    }
+
     #[test]
     fn all_members_and_frames_are_read() {
         assert_eq!(unpacked(&[gzip(b"one "), gzip(b"two")].concat()).unwrap(), b"one two");
@@ -212,13 +251,44 @@ mod tests {
         let skippable = [0x50, 0x2a, 0x4d, 0x18, 3, 0, 0, 0, 9, 9, 9];
         let frames = [&skippable[..], &zstd(b"one "), &skippable, &zstd(b"two")].concat();
         assert_eq!(unpacked(&frames).unwrap(), b"one two");
+        assert_eq!(unpacked(&[bzip2(b"one "), bzip2(b""), bzip2(b"two")].concat()).unwrap(), b"one two");
+        assert_eq!(unpacked(&[xz(b"one "), vec![0; 4], xz(b"two")].concat()).unwrap(), b"one two");
+        assert!(unpacked(&[xz(b"one "), b"garbage behind it".to_vec()].concat()).is_err());
+    }
+
+    #[test]
+    fn a_compression_is_told_by_its_first_bytes() {
+        for (packing, packed) in [
+            (Packing::Gzip, gzip(b"")),
+            (Packing::Zstd, zstd(b"")),
+            (Packing::Bzip2, bzip2(b"")),
+            (Packing::Bzip2, bzip2(b"one")),
+            (Packing::Xz, xz(b"")),
+        ] {
+            assert_eq!(Packing::of(&packed[..MAGIC_BYTES]), packing);
+        }
+        assert_eq!(Packing::of(b"BZh91 is a zip code"), Packing::Plain);
+    }
+
+    #[test]
+    fn damaged_streams_never_panic() {
+        let text: Vec<u8> = (0..2000u32).flat_map(|k| k.to_string().into_bytes()).collect();
+        for packed in [gzip(&text), zstd(&text), bzip2(&text), xz(&text)] {
+            crate::read::real_data::damage(&packed, |file| {
+                let mut out = Vec::new();
+                let stream = Packing::of(file).stream(std::io::Cursor::new(file.to_vec()));
+                drop(stream.take(1 << 20).read_to_end(&mut out));
+            });
+        }
     }
 
     #[test]
     fn a_stream_that_stops_early_says_so() {
         let text: Vec<u8> =
             (0..50_000u32).flat_map(|k| (k.wrapping_mul(2654435761)).to_string().into_bytes()).collect();
-        for (name, packed) in [("gzip", gzip(&text)), ("zstd", zstd(&text))] {
+        for (name, packed) in
+            [("gzip", gzip(&text)), ("zstd", zstd(&text)), ("bzip2", bzip2(&text)), ("xz", xz(&text))]
+        {
             let error = unpacked(&packed[..packed.len() / 2]).unwrap_err();
             assert_eq!(error.kind(), ErrorKind::UnexpectedEof, "{name}");
         }

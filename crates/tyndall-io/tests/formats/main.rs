@@ -2,6 +2,7 @@
 #![allow(clippy::unwrap_used, reason = "all of this is tests")]
 
 mod convert;
+mod cosmology;
 mod effects;
 mod molecules;
 mod text;

@@ -1,0 +1,236 @@
+//! Rows of data sets to columns: runs of particles, one behind the other, each with inputs of its own.
+
+use std::ops::Range;
+
+use glam::DVec3;
+use rayon::prelude::*;
+use tyndall::particles::{Columns, Values};
+use tyndall::{Error, Progress, Result};
+
+use super::tree::{NATIVE, Rows, Tree};
+use crate::read::numbers::Kind;
+use crate::read::records::{Builder, ORIGIN_COUNT, Source};
+use crate::read::sections::{Column, common, with_gaps};
+
+/// Rows that a thread decodes at a time, if chunks do not make that more.
+const BATCH_ROWS: usize = 1 << 16;
+/// The most that chunks make it.
+const MOST_BATCH_ROWS: usize = 1 << 20;
+
+/// Where the values of a column come from.
+pub(super) enum Input {
+    /// The rows of a data set.
+    Rows(Rows),
+    /// For each component a sum, in double precision.
+    Sums(Vec<Vec<Term>>),
+    /// One number for all particles.
+    All(f64),
+    /// Nowhere.
+    Missing,
+}
+
+/// A part of a component's sum.
+pub(super) enum Term {
+    /// The rows of a data set with a number each, times a factor.
+    Rows(Rows, f64),
+    /// A number.
+    All(f64),
+}
+
+/// Particles that have their inputs in one place.
+pub(super) struct Run {
+    pub(super) count: usize,
+    /// One to three coordinates; one that is missing is 0.
+    pub(super) positions: Input,
+    /// For each column where it comes from.
+    pub(super) values: Vec<Input>,
+}
+
+impl Input {
+    /// The data sets that it reads.
+    fn rows(&self) -> Vec<&Rows> {
+        match self {
+            Self::Rows(rows) => vec![rows],
+            Self::Sums(sums) => {
+                let terms = sums.iter().flatten();
+                terms
+                    .filter_map(|term| if let Term::Rows(rows, _) = term { Some(rows) } else { None })
+                    .collect()
+            }
+            Self::All(_) | Self::Missing => Vec::new(),
+        }
+    }
+
+    /// The kind and number of its components, where it has values for each particle.
+    fn shape(&self) -> Option<(Kind, usize)> {
+        match self {
+            Self::Rows(rows) => Some((rows.kind, rows.width)),
+            Self::Sums(sums) => Some((Kind::F64, sums.len())),
+            Self::All(_) | Self::Missing => None,
+        }
+    }
+
+    /// The bytes of some rows, of [`Input::shape`].
+    fn read(&self, rows: Range<usize>) -> Result<Vec<u8>> {
+        let sums = match self {
+            Self::Rows(data) => return data.read(rows),
+            Self::Sums(sums) => sums,
+            Self::All(_) | Self::Missing => return Ok(Vec::new()),
+        };
+        let mut values = vec![0.0; rows.len() * sums.len()];
+        for (component, terms) in sums.iter().enumerate() {
+            let mine = || (component..rows.len() * sums.len()).step_by(sums.len().max(1));
+            for term in terms {
+                match term {
+                    Term::All(number) => mine().for_each(|place| values[place] += number),
+                    Term::Rows(data, factor) => {
+                        let bytes = data.read(rows.clone())?;
+                        let source = source(&bytes, data.kind, data.width);
+                        for (row, place) in mine().enumerate() {
+                            values[place] += factor * source.number(row);
+                        }
+                    }
+                }
+            }
+        }
+        Ok(bytemuck::cast_slice(&values).to_vec())
+    }
+}
+
+fn source(bytes: &[u8], kind: Kind, width: usize) -> Source<'_> {
+    Source { bytes, kind, order: NATIVE, start: 0, stride: width * kind.size(), step: kind.size() }
+}
+
+/// The kind of column `column`.
+fn kind(column: usize, runs: &[Run]) -> Kind {
+    let shapes = runs.iter().filter_map(|it| it.values[column].shape());
+    let found = shapes.map(|(kind, _)| kind).reduce(common);
+    let constant = runs.iter().any(|it| matches!(it.values[column], Input::All(_)));
+    let gaps = runs.iter().any(|it| matches!(it.values[column], Input::Missing));
+    let kind = match found {
+        Some(kind) if constant => common(kind, Kind::F32),
+        Some(kind) => kind,
+        None => Kind::F64,
+    };
+    if gaps { with_gaps(kind) } else { kind }
+}
+
+/// Brings the runs into columns, and advances `progress` by `total_bytes` over it. `middle`, the cell's, is the origin if known.
+pub(super) fn gather(
+    tree: &Tree,
+    columns: &[Column],
+    runs: &[Run],
+    middle: Option<DVec3>,
+    total_bytes: u64,
+    progress: &dyn Progress,
+) -> Result<Columns> {
+    for run in runs {
+        for rows in std::iter::once(&run.positions).chain(&run.values).flat_map(Input::rows) {
+            if rows.count != run.count {
+                let what = format!("{} rows stand beside {} positions", rows.count, run.count);
+                return Err(tree.fault(rows.path(), what, "was it written to its end?"));
+            }
+        }
+        for (input, column) in run.values.iter().zip(columns) {
+            if input.shape().is_some_and(|(_, width)| width != column.components) {
+                let what =
+                    format!("'{}' does not have {} components everywhere", column.name, column.components);
+                return Err(tree.fault("", what, "was the file written by one program?"));
+            }
+        }
+    }
+    let count: usize = runs.iter().map(|it| it.count).sum();
+    let head = match middle.filter(|it| it.is_finite()) {
+        Some(middle) => vec![middle],
+        None => head(runs)?,
+    };
+    let kinds: Vec<Kind> = (0..columns.len()).map(|column| kind(column, runs)).collect();
+    let named = columns.iter().zip(&kinds).map(|(it, kind)| (it.name.clone(), it.components, *kind));
+    let mut builder = Builder::new(count, &head, named);
+
+    let mut batches = Vec::new();
+    for run in runs {
+        let inputs = std::iter::once(&run.positions).chain(&run.values);
+        let chunk = inputs.flat_map(Input::rows).map(|it| it.chunk_rows).max().unwrap_or(0);
+        // Whole chunks, so that none is decoded twice.
+        let batch = match chunk {
+            0 => BATCH_ROWS,
+            chunk => (chunk * BATCH_ROWS.div_ceil(chunk)).min(MOST_BATCH_ROWS),
+        };
+        let starts = (0..run.count).step_by(batch);
+        batches.extend(starts.map(|start| (run, start, batch.min(run.count - start))));
+    }
+    let rows: Vec<usize> = batches.iter().map(|it| it.2).collect();
+    let jobs: Vec<_> = batches.into_iter().zip(builder.split(&rows)).collect();
+    jobs.into_par_iter().try_for_each(|((run, start, rows), mut slots)| {
+        let (axes, values) = slots.split_at_mut(3);
+        let (kind, width) = run.positions.shape().unwrap_or((Kind::F64, 0));
+        let bytes = run.positions.read(start..start + rows)?;
+        for (axis, slot) in axes.iter_mut().enumerate() {
+            match axis < width {
+                true => slot.fill(&source(&bytes, kind, width).component(axis), 0, 1, 0..rows),
+                false => slot.fill_constant(0.0, 1, 0..rows),
+            }
+        }
+        for ((slot, input), column) in values.iter_mut().zip(&run.values).zip(columns) {
+            if progress.cancelled() {
+                return Err(Error::Interrupted);
+            }
+            match input {
+                Input::All(number) => slot.fill_constant(*number, column.components, 0..rows),
+                Input::Missing => slot.fill_constant(f64::NAN, column.components, 0..rows),
+                input => {
+                    let (kind, width) = input.shape().expect("it has values for each particle");
+                    let bytes = input.read(start..start + rows)?;
+                    slot.fill(&source(&bytes, kind, width), 0, column.components, 0..rows);
+                }
+            }
+        }
+        progress.advance((rows as u128 * u128::from(total_bytes) / count as u128) as u64);
+        Ok(())
+    })?;
+    let mut gathered = builder.into_columns();
+    for (place, (attribute, column)) in gathered.attributes.iter_mut().zip(columns).enumerate() {
+        attribute.unit.clone_from(&column.unit);
+        let unsigned = runs.iter().all(|it| it.values[place].shape().is_some_and(|it| it.0 == Kind::U64));
+        if unsigned {
+            widen_unsigned(&mut attribute.values);
+        }
+    }
+    Ok(gathered)
+}
+
+/// Unsigned integers that were read as signed ones; if one is beyond those, all become floats.
+fn widen_unsigned(values: &mut Values) {
+    if let Values::I64(numbers) = values
+        && numbers.par_iter().any(|&it| it < 0)
+    {
+        *values = Values::F64(numbers.par_iter().map(|&it| it as u64 as f64).collect());
+    }
+}
+
+/// The first positions, which decide the origin.
+fn head(runs: &[Run]) -> Result<Vec<DVec3>> {
+    let Some(run) = runs.iter().find(|it| it.count > 0) else { return Ok(Vec::new()) };
+    let rows = run.count.min(ORIGIN_COUNT);
+    let (kind, width) = run.positions.shape().unwrap_or((Kind::F64, 0));
+    let bytes = run.positions.read(0..rows)?;
+    let source = source(&bytes, kind, width);
+    let coordinate = |row, axis| if axis < width { source.component(axis).number(row) } else { 0.0 };
+    Ok((0..rows).map(|row| DVec3::from_array(std::array::from_fn(|axis| coordinate(row, axis)))).collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn unsigned_numbers_beyond_the_signed_become_floats() {
+        let mut values = Values::I64(vec![1, -1]);
+        widen_unsigned(&mut values);
+        assert_eq!(values, Values::F64(vec![1.0, u64::MAX as f64]));
+        let mut values = Values::I64(vec![1, 2]);
+        widen_unsigned(&mut values);
+        assert_eq!(values, Values::I64(vec![1, 2]));
+    }
+}

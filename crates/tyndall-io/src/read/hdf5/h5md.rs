@@ -1,0 +1,210 @@
+//! H5MD 1.1: trajectories, a group of particles in `particles`, an element (`position`, `velocity`, …) for each quantity.
+//!
+//! An element is a data set, the same in all frames, or a group of `value`, `step` and `time`, one row a frame. Frames are those
+//! of the positions; another element has the row of the same step, or the last before it. Positions are as in the file: `image`
+//! is an attribute, not applied. Source: de Buyl, Colberg, Höfling, "H5MD: a structured, efficient, and portable file format
+//! for molecular data", 2014, and nongnu.org/h5md.
+
+use tyndall::particles::{Attribute, Values};
+use tyndall::{Cell, DVec3, Progress, Result};
+
+use super::columns::{self, Input, Run};
+use super::tree::{Data, Group, Tree};
+use crate::read::records;
+use crate::read::sections::Column;
+use crate::sequence::{Frame, Options};
+
+/// A quantity: its value, and at which steps it was taken if it changes.
+struct Element<'a> {
+    value: Data,
+    /// The group of a quantity that changes.
+    series: Option<Group<'a>>,
+}
+
+impl<'a> Element<'a> {
+    fn find(parent: &Group<'a>, name: &str) -> Result<Option<Self>> {
+        if let Some(value) = parent.dataset(name)? {
+            return Ok(Some(Self { value, series: None }));
+        }
+        let Some(series) = parent.group(name)? else { return Ok(None) };
+        Ok(series.dataset("value")?.map(|value| Self { value, series: Some(series) }))
+    }
+
+    /// The indices before that of the particles: the row of frame `frame` of the positions, taken at `step`.
+    fn lead(&self, frame: usize, step: Option<f64>) -> Result<Vec<u64>> {
+        let Some(series) = &self.series else { return Ok(Vec::new()) };
+        let rows = self.value.shape().first().copied().unwrap_or(0);
+        let steps = steps(series, "step", rows)?;
+        let row = match (step, steps) {
+            // The same step, or the last one before it.
+            (Some(step), Some(steps)) => steps.iter().rposition(|it| *it <= step).unwrap_or(0),
+            _ => frame.min((rows as usize).saturating_sub(1)),
+        };
+        Ok(vec![row as u64])
+    }
+
+    fn unit(&self) -> Option<String> {
+        let unit = self.value.attributes().text("unit").filter(|it| !it.is_empty())?;
+        Some(if matches!(unit.as_str(), "Angstrom" | "angstrom") { "Å".to_string() } else { unit })
+    }
+}
+
+/// The steps or times of a series of `rows` rows: a number each, or an increment from an offset.
+fn steps(series: &Group, name: &str, rows: u64) -> Result<Option<Vec<f64>>> {
+    let Some(data) = series.dataset(name)?.filter(|it| it.is_number()) else { return Ok(None) };
+    let offset = data.attributes().number("offset").unwrap_or(0.0);
+    if data.shape().is_empty() {
+        let Some(increment) = data.number()? else { return Ok(None) };
+        return Ok(Some((0..rows).map(|row| offset + increment * row as f64).collect()));
+    }
+    let steps = data.rows(&[])?.numbers()?;
+    Ok((steps.len() as u64 == rows).then_some(steps))
+}
+
+/// The group of particles that is shown, and those that are not.
+fn particles<'a>(tree: &'a Tree, options: &Options) -> Result<(Group<'a>, Vec<String>)> {
+    let hint = "H5MD keeps them in particles/NAME/position";
+    let all =
+        tree.group("particles")?.ok_or_else(|| tree.fault("", "there is no group 'particles'", hint))?;
+    let mut groups = Vec::new();
+    for name in all.groups()? {
+        let Some(group) = all.group(&name)? else { continue };
+        if Element::find(&group, "position")?.is_some() {
+            groups.push((name, group));
+        }
+    }
+    let names: Vec<String> = groups.iter().map(|it| it.0.clone()).collect();
+    let place = match &options.dataset {
+        Some(wanted) => {
+            let wanted = wanted.trim_matches('/');
+            let is_wanted = |name: &String| name == wanted || format!("particles/{name}") == wanted;
+            Some(names.iter().position(is_wanted).ok_or_else(|| {
+                tyndall::Error::setting("dataset", wanted, format!("one of {}", names.join(", ")))
+            })?)
+        }
+        None => names.iter().position(|it| it == "all").or((!names.is_empty()).then_some(0)),
+    };
+    let place = place.ok_or_else(|| tree.fault("particles", "no group here has positions", hint))?;
+    let others = names.iter().enumerate().filter(|it| it.0 != place).map(|it| it.1.clone()).collect();
+    Ok((groups.swap_remove(place).1, others))
+}
+
+/// How many frames the positions have.
+pub(super) fn frames(tree: &Tree, options: &Options) -> Result<usize> {
+    let (group, _) = particles(tree, options)?;
+    let positions = Element::find(&group, "position")?.expect("the group was chosen for its positions");
+    let rows = positions.value.shape().first().copied().unwrap_or(0);
+    Ok(if positions.series.is_some() { rows as usize } else { 1 })
+}
+
+/// Reads a frame.
+pub(super) fn frame(tree: &Tree, frame: usize, options: &Options, progress: &dyn Progress) -> Result<Frame> {
+    let (group, others) = particles(tree, options)?;
+    let positions = Element::find(&group, "position")?.expect("the group was chosen for its positions");
+    let frames = positions.value.shape().first().copied().unwrap_or(0);
+    let at = |name: &str| -> Result<Option<f64>> {
+        let Some(series) = &positions.series else { return Ok(None) };
+        Ok(steps(series, name, frames)?.and_then(|it| it.get(frame).copied()))
+    };
+    let (step, time) = (at("step")?, at("time")?);
+    let length_unit = positions.unit();
+    let lead = if positions.series.is_some() { vec![frame as u64] } else { Vec::new() };
+    let path = positions.value.path().to_string();
+    let rows = positions.value.rows(&lead)?;
+    if rows.width > 3 {
+        return Err(tree.fault(
+            path,
+            format!("{} coordinates a particle", rows.width),
+            "one to three can be shown",
+        ));
+    }
+    let count = rows.count;
+
+    let (mut columns, mut values, mut warnings) = (Vec::new(), Vec::new(), Vec::new());
+    let mut words = Vec::new();
+    for name in group.datasets()?.into_iter().chain(group.groups()?) {
+        if name == "position" || name == "box" {
+            continue;
+        }
+        let Some(element) = Element::find(&group, &name)?.filter(|it| it.value.is_number()) else { continue };
+        let lead = element.lead(frame, step)?;
+        if element.value.shape().get(lead.len()) != Some(&(count as u64)) {
+            warnings.push(format!("left out: '{name}' does not have {count} rows, one a particle"));
+            continue;
+        }
+        let (unit, names) = (element.unit(), element.value.words());
+        let rows = element.value.rows(&lead)?;
+        if !names.is_empty() && rows.width == 1 {
+            words.push((columns.len(), names));
+        }
+        columns.push(Column { unit, ..Column::new(name, rows.width) });
+        values.push(Input::Rows(rows));
+    }
+
+    let cell = cell(&group, frame, step)?;
+    let run = Run { count, positions: Input::Rows(rows), values };
+    let middle = cell.map(|it| it.center());
+    let mut gathered = columns::gather(tree, &columns, &[run], middle, tree.bytes(), progress)?;
+    for (place, names) in words {
+        spell_out(&mut gathered.attributes[place], &names);
+    }
+    gathered.cell = cell;
+    gathered.time = time.or(step);
+    gathered.length_unit = length_unit;
+
+    let mut conventions = Vec::new();
+    if columns.iter().any(|it| it.name == "image") {
+        conventions.push("image: kept as an attribute, not applied to the positions".to_string());
+    }
+    if !others.is_empty() {
+        warnings.push(format!(
+            "left out: {}; --dataset NAME shows another group of particles",
+            others.iter().map(|it| format!("particles/{it}")).collect::<Vec<_>>().join(", ")
+        ));
+    }
+    records::frame(gathered, conventions, warnings)
+}
+
+/// Makes words of the numbers of an enumeration.
+fn spell_out(attribute: &mut Attribute, words: &[(i64, String)]) {
+    let numbers: Vec<f64> = (0..attribute.values.len()).map(|place| attribute.values.number(place)).collect();
+    let mut names: Vec<String> = words.iter().map(|it| it.1.clone()).collect();
+    let place = |number: &f64| words.iter().position(|it| it.0 as f64 == *number);
+    let codes: Option<Vec<u32>> = numbers.iter().map(|it| place(it).map(|place| place as u32)).collect();
+    // Numbers without a word stay numbers.
+    if let Some(codes) = codes {
+        names.shrink_to_fit();
+        attribute.values = Values::Text { codes, names };
+    }
+}
+
+/// The cell: edges of a box or its vectors, the same in all frames or one a frame.
+fn cell(group: &Group, frame: usize, step: Option<f64>) -> Result<Option<Cell>> {
+    let Some(cell) = group.group("box")? else { return Ok(None) };
+    let Some(edges) = Element::find(&cell, "edges")? else { return Ok(None) };
+    let lead = edges.lead(frame, step)?;
+    let shape = &edges.value.shape()[lead.len().min(edges.value.shape().len())..];
+    let matrix = shape.len() == 2;
+    let dimension = shape.first().copied().unwrap_or(0) as usize;
+    if !(1..=3).contains(&dimension) || (matrix && shape[1] != shape[0]) || shape.len() > 2 {
+        return Ok(None);
+    }
+    let numbers = edges.value.rows(&lead)?.numbers()?;
+    let mut vectors = [DVec3::ZERO; 3];
+    for (row, vector) in vectors.iter_mut().enumerate().take(dimension) {
+        for axis in 0..dimension {
+            vector[axis] = match matrix {
+                true => numbers[row * dimension + axis],
+                false if row == axis => numbers[axis],
+                false => 0.0,
+            };
+        }
+    }
+    let mut boundary = cell.attributes()?.texts("boundary");
+    if boundary.is_empty() {
+        boundary = cell.dataset("boundary")?.map_or(Vec::new(), |it| it.texts());
+    }
+    let periodic = std::array::from_fn(|axis| boundary.get(axis).is_some_and(|it| it == "periodic"));
+    let is_finite = vectors.iter().all(|it| it.is_finite());
+    Ok(is_finite.then_some(Cell { origin: DVec3::ZERO, vectors, periodic }))
+}

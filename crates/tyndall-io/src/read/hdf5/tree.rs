@@ -1,0 +1,449 @@
+//! Groups, attributes and data sets of an HDF5 file: all that the readers know of the crate hdf5-reader.
+//!
+//! Invariant: a data set is only given out as [`Rows`] if the file could hold it, that is if its size is within what the
+//! strongest filter could have made of the file's bytes. So a damaged extent asks for no memory.
+
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
+
+use hdf5_reader::error::Error as ReadError;
+use hdf5_reader::messages::datatype::Datatype;
+use hdf5_reader::{
+    Attribute, ByteOrder, Dataset, FilesystemExternalLinkResolver, Hdf5File, OpenOptions, SliceInfo,
+    SliceInfoElem,
+};
+use tyndall::{Error, Result};
+
+use super::filters;
+use crate::read::content;
+use crate::read::numbers::{Kind, Order};
+use crate::read::records::Source;
+
+/// In which order this machine has the bytes of a number.
+pub(super) const NATIVE: Order = if cfg!(target_endian = "big") { Order::Big } else { Order::Little };
+
+/// How many bytes deflate, the strongest common filter, can make of one.
+const STRONGEST: u64 = 1032;
+
+/// A file that is open.
+pub(super) struct Tree {
+    file: Hdf5File,
+    path: PathBuf,
+    bytes: u64,
+}
+
+impl Tree {
+    /// Opens the content `bytes` of `path`.
+    pub(super) fn open(path: &Path, bytes: &[u8]) -> Result<Self> {
+        let folder = path.parent().filter(|it| !it.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        let options = OpenOptions::default()
+            .with_filter_registry(filters::registry())
+            .with_external_link_resolver(std::sync::Arc::new(FilesystemExternalLinkResolver::new(folder)));
+        let file = Hdf5File::from_owner(content::kept(path, bytes), options);
+        let (path, bytes) = (path.to_path_buf(), bytes.len() as u64);
+        let file = file.map_err(|error| fault(&path, "", &error))?;
+        Ok(Self { file, path, bytes })
+    }
+
+    pub(super) fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// The size of its content.
+    pub(super) fn bytes(&self) -> u64 {
+        self.bytes
+    }
+
+    /// The group of all.
+    pub(super) fn root(&self) -> Result<Group<'_>> {
+        let group = self.file.root_group().map_err(|error| fault(&self.path, "/", &error))?;
+        Ok(Group { tree: self, group, path: String::new() })
+    }
+
+    /// The group at `path`; `None` if there is none.
+    pub(super) fn group(&self, path: &str) -> Result<Option<Group<'_>>> {
+        let mut group = self.root()?;
+        for name in path.split('/').filter(|it| !it.is_empty()) {
+            match group.group(name)? {
+                Some(child) => group = child,
+                None => return Ok(None),
+            }
+        }
+        Ok(Some(group))
+    }
+
+    /// An [`Error::Format`] about this file.
+    pub(super) fn fault(
+        &self,
+        place: impl Into<String>,
+        what: impl Into<String>,
+        hint: impl Into<String>,
+    ) -> Error {
+        Error::format(&self.path, place, what, hint)
+    }
+}
+
+/// What the reader said, with a way out.
+fn fault(path: &Path, place: &str, error: &ReadError) -> Error {
+    let mut cause = error;
+    while let ReadError::Context { source, .. } = cause {
+        cause = source;
+    }
+    match cause {
+        ReadError::UnsupportedFilter(filter) => {
+            let id = filter.split_whitespace().last().unwrap_or_default();
+            let name = filters::name(id).map_or(String::new(), |name| format!(" ({name})"));
+            let what = format!("the data need HDF5 filter {id}{name}, which is not built in");
+            Error::format(path, place, what, "take it off: h5repack -f NONE in.hdf5 out.hdf5")
+        }
+        ReadError::UnsupportedLayoutClass(3) => {
+            let what = "the data set is virtual: its data are in other files";
+            Error::format(
+                path,
+                place,
+                what,
+                "name those files, or copy it to one: h5repack -l CONTI in.hdf5 out.hdf5",
+            )
+        }
+        cause => Error::format(
+            path,
+            place,
+            cause.to_string(),
+            "was the file copied to its end? h5dump may say more",
+        ),
+    }
+}
+
+/// A group.
+pub(super) struct Group<'a> {
+    tree: &'a Tree,
+    group: hdf5_reader::group::Group,
+    path: String,
+}
+
+impl<'a> Group<'a> {
+    /// Its path in the file; empty for the root.
+    pub(super) fn path(&self) -> &str {
+        &self.path
+    }
+
+    fn child(&self, name: &str) -> String {
+        if self.path.is_empty() { name.to_string() } else { format!("{}/{name}", self.path) }
+    }
+
+    fn failed(&self, error: &ReadError) -> Error {
+        fault(&self.tree.path, &self.path, error)
+    }
+
+    /// The names of the groups and of the data sets in it.
+    fn names(&self) -> Result<(Vec<String>, Vec<String>)> {
+        self.group.member_names().map_err(|error| self.failed(&error))
+    }
+
+    /// The names of the groups in it.
+    pub(super) fn groups(&self) -> Result<Vec<String>> {
+        Ok(self.names()?.0)
+    }
+
+    /// The names of the data sets in it.
+    pub(super) fn datasets(&self) -> Result<Vec<String>> {
+        Ok(self.names()?.1)
+    }
+
+    /// A group in it; `None` if there is none of that name.
+    pub(super) fn group(&self, name: &str) -> Result<Option<Group<'a>>> {
+        if !self.groups()?.iter().any(|it| it == name) {
+            return Ok(None);
+        }
+        let path = self.child(name);
+        let group = self.group.group(name).map_err(|error| fault(&self.tree.path, &path, &error))?;
+        Ok(Some(Group { tree: self.tree, group, path }))
+    }
+
+    /// A data set in it; `None` if there is none of that name.
+    pub(super) fn dataset(&self, name: &str) -> Result<Option<Data>> {
+        if !self.datasets()?.iter().any(|it| it == name) {
+            return Ok(None);
+        }
+        let path = self.child(name);
+        let dataset = self.group.dataset(name).map_err(|error| fault(&self.tree.path, &path, &error))?;
+        Ok(Some(Data { dataset, path, file: self.tree.path.clone(), file_bytes: self.tree.bytes }))
+    }
+
+    /// Its attributes.
+    pub(super) fn attributes(&self) -> Result<Attributes> {
+        self.group.attributes().map(Attributes).map_err(|error| self.failed(&error))
+    }
+}
+
+/// The attributes of a group or data set.
+pub(super) struct Attributes(Vec<Attribute>);
+
+impl Attributes {
+    fn find(&self, name: &str) -> Option<&Attribute> {
+        self.0.iter().find(|it| it.name == name)
+    }
+
+    /// Whether there is an attribute of that name.
+    pub(super) fn has(&self, name: &str) -> bool {
+        self.find(name).is_some()
+    }
+
+    /// The numbers of an attribute; none if there is no such attribute, or if it has no numbers.
+    pub(super) fn numbers(&self, name: &str) -> Vec<f64> {
+        let Some(attribute) = self.find(name) else { return Vec::new() };
+        let Some((kind, order)) = number_kind(&attribute.datatype) else { return Vec::new() };
+        let count = attribute.num_elements().unwrap_or(0) as usize;
+        if count == 0 || attribute.raw_data.len() / kind.size() < count {
+            return Vec::new();
+        }
+        let bytes = &attribute.raw_data;
+        let source = Source { bytes, kind, order, start: 0, stride: kind.size(), step: 0 };
+        (0..count).map(|place| source.number(place)).collect()
+    }
+
+    /// The first number of an attribute.
+    pub(super) fn number(&self, name: &str) -> Option<f64> {
+        self.numbers(name).first().copied()
+    }
+
+    /// The words of an attribute; none if there is no such attribute, or if it has no words.
+    pub(super) fn texts(&self, name: &str) -> Vec<String> {
+        let Some(attribute) = self.find(name) else { return Vec::new() };
+        let texts = attribute.read_strings().or_else(|_| attribute.read_string().map(|it| vec![it]));
+        texts.unwrap_or_default().iter().map(|it| it.trim_matches(['\0', ' ', '\n']).to_string()).collect()
+    }
+
+    /// The first word of an attribute.
+    pub(super) fn text(&self, name: &str) -> Option<String> {
+        self.texts(name).into_iter().next()
+    }
+}
+
+/// The kind of the numbers of a type, and their order of bytes. Truth values and other enumerations are the numbers they stand for.
+fn number_kind(datatype: &Datatype) -> Option<(Kind, Order)> {
+    let order = |order: &ByteOrder| match order {
+        ByteOrder::LittleEndian => Order::Little,
+        ByteOrder::BigEndian => Order::Big,
+    };
+    match datatype {
+        Datatype::FixedPoint { size, signed, byte_order } => {
+            let kind = match (size, signed) {
+                (1, true) => Kind::I8,
+                (1, false) => Kind::U8,
+                (2, true) => Kind::I16,
+                (2, false) => Kind::U16,
+                (4, true) => Kind::I32,
+                (4, false) => Kind::U32,
+                (8, true) => Kind::I64,
+                (8, false) => Kind::U64,
+                _ => return None,
+            };
+            Some((kind, order(byte_order)))
+        }
+        Datatype::FloatingPoint { size, byte_order } => {
+            let kind = match size {
+                2 => Kind::F16,
+                4 => Kind::F32,
+                8 => Kind::F64,
+                _ => return None,
+            };
+            Some((kind, order(byte_order)))
+        }
+        Datatype::Enum { base, .. } => number_kind(base),
+        _ => None,
+    }
+}
+
+/// A data set.
+pub(super) struct Data {
+    dataset: Dataset,
+    path: String,
+    file: PathBuf,
+    file_bytes: u64,
+}
+
+impl Data {
+    /// Its path in the file.
+    pub(super) fn path(&self) -> &str {
+        &self.path
+    }
+
+    /// Its extent.
+    pub(super) fn shape(&self) -> &[u64] {
+        self.dataset.shape()
+    }
+
+    /// Whether it has numbers.
+    pub(super) fn is_number(&self) -> bool {
+        number_kind(self.dataset.dtype()).is_some()
+    }
+
+    /// Its attributes.
+    pub(super) fn attributes(&self) -> Attributes {
+        Attributes(self.dataset.attributes())
+    }
+
+    /// The words that the numbers of an enumeration stand for, by number; none if it is no enumeration of words.
+    pub(super) fn words(&self) -> Vec<(i64, String)> {
+        let Datatype::Enum { base, members } = self.dataset.dtype() else { return Vec::new() };
+        let Some((kind, order)) = number_kind(base) else { return Vec::new() };
+        let fits = members.iter().filter(|it| it.value.len() == kind.size());
+        fits.map(|member| {
+            let bytes = &member.value;
+            let source = Source { bytes, kind, order, start: 0, stride: 0, step: 0 };
+            (source.number(0) as i64, member.name.clone())
+        })
+        .collect()
+    }
+
+    /// All its words, for a small data set of words; none if it has others.
+    pub(super) fn texts(&self) -> Vec<String> {
+        let small = self.dataset.num_elements().is_ok_and(|count| count <= 64);
+        let texts = if small { self.dataset.read_strings().unwrap_or_default() } else { Vec::new() };
+        texts.iter().map(|it| it.trim_matches(['\0', ' ']).to_string()).collect()
+    }
+
+    /// Its number, if it is a single one.
+    pub(super) fn number(&self) -> Result<Option<f64>> {
+        let Some((kind, _)) = number_kind(self.dataset.dtype()) else { return Ok(None) };
+        let bytes =
+            self.dataset.read_native_bytes().map_err(|error| fault(&self.file, &self.path, &error))?;
+        let source = Source { bytes: &bytes, kind, order: NATIVE, start: 0, stride: 0, step: 0 };
+        Ok((bytes.len() >= kind.size()).then(|| source.number(0)))
+    }
+
+    /// Its rows, `lead` being indices of the dimensions before that of the particles. Fails if the file cannot hold them, or if
+    /// what is in it are no numbers.
+    pub(super) fn rows(self, lead: &[u64]) -> Result<Rows> {
+        let fault = |what: String| {
+            Error::format(&self.file, &self.path, what, "was the file copied to its end? h5dump may say more")
+        };
+        let (kind, _) =
+            number_kind(self.dataset.dtype()).ok_or_else(|| fault("these are no numbers".into()))?;
+        let shape = self.dataset.shape();
+        if shape.len() <= lead.len() || lead.iter().zip(shape).any(|(index, size)| index >= size) {
+            return Err(fault(format!("an extent of {shape:?} has no place {lead:?}")));
+        }
+        let count = shape[lead.len()];
+        let width = shape[lead.len() + 1..].iter().try_fold(1u64, |product, &size| product.checked_mul(size));
+        let bytes = width.and_then(|it| it.checked_mul(count)?.checked_mul(kind.size() as u64));
+        let most = self.file_bytes.saturating_mul(STRONGEST).saturating_add(1 << 16);
+        let fits = bytes.is_some_and(|bytes| bytes <= most)
+            && width.is_some_and(|width| width > 0 && width <= 1 << 12);
+        if !fits {
+            let what =
+                format!("an extent of {shape:?} is more than a file of {} bytes can hold", self.file_bytes);
+            return Err(fault(what));
+        }
+        let width = width.expect("it fits") as usize;
+        let chunk_rows =
+            self.dataset.chunks().and_then(|it| it.get(lead.len()).copied()).map_or(0, |it| it as usize);
+        Ok(Rows {
+            dataset: Box::new(self.dataset),
+            path: self.path,
+            file: self.file,
+            lead: lead.to_vec(),
+            kind,
+            count: count as usize,
+            width,
+            chunk_rows,
+            whole: OnceLock::new(),
+        })
+    }
+}
+
+/// The rows of a data set, a particle each.
+pub(super) struct Rows {
+    dataset: Box<Dataset>,
+    path: String,
+    file: PathBuf,
+    lead: Vec<u64>,
+    /// The type of the numbers.
+    pub(super) kind: Kind,
+    /// How many rows there are.
+    pub(super) count: usize,
+    /// Numbers in a row.
+    pub(super) width: usize,
+    /// Rows of a chunk; 0 if there are no chunks.
+    pub(super) chunk_rows: usize,
+    /// All of it, where its type can only be read as a whole.
+    whole: OnceLock<Vec<u8>>,
+}
+
+impl Rows {
+    /// The data set's path in the file.
+    pub(super) fn path(&self) -> &str {
+        &self.path
+    }
+
+    /// Some of its rows: their numbers in this machine's order of bytes.
+    pub(super) fn read(&self, rows: Range<usize>) -> Result<Vec<u8>> {
+        let is_plain =
+            matches!(self.dataset.dtype(), Datatype::FixedPoint { .. } | Datatype::FloatingPoint { .. });
+        let bytes = match self.kind {
+            _ if rows.is_empty() => Ok(Vec::new()),
+            _ if !is_plain => self.cut(rows),
+            Kind::F16 => self.cut(rows),
+            Kind::I8 => self.slice::<i8>(rows),
+            Kind::U8 => self.slice::<u8>(rows),
+            Kind::I16 => self.slice::<i16>(rows),
+            Kind::U16 => self.slice::<u16>(rows),
+            Kind::I32 => self.slice::<i32>(rows),
+            Kind::U32 => self.slice::<u32>(rows),
+            Kind::I64 => self.slice::<i64>(rows),
+            Kind::U64 => self.slice::<u64>(rows),
+            Kind::F32 => self.slice::<f32>(rows),
+            Kind::F64 => self.slice::<f64>(rows),
+        };
+        bytes.map_err(|error| fault(&self.file, &self.path, &error))
+    }
+
+    fn slice<T: hdf5_reader::H5Type + bytemuck::NoUninit>(
+        &self,
+        rows: Range<usize>,
+    ) -> std::result::Result<Vec<u8>, ReadError> {
+        let mut selections: Vec<_> = self.lead.iter().map(|&index| SliceInfoElem::Index(index)).collect();
+        selections.push(SliceInfoElem::Slice { start: rows.start as u64, end: rows.end as u64, step: 1 });
+        let all = SliceInfoElem::Slice { start: 0, end: u64::MAX, step: 1 };
+        selections.resize(self.dataset.ndim(), all);
+        let array = self.dataset.read_slice::<T>(&SliceInfo { selections })?;
+        let bytes = match array.as_slice() {
+            Some(values) => bytemuck::cast_slice(values).to_vec(),
+            None => bytemuck::cast_slice(&array.iter().copied().collect::<Vec<T>>()).to_vec(),
+        };
+        if bytes.len() != rows.len() * self.width * self.kind.size() {
+            return Err(ReadError::InvalidData("a selection has another size than its rows".into()));
+        }
+        Ok(bytes)
+    }
+
+    fn cut(&self, rows: Range<usize>) -> std::result::Result<Vec<u8>, ReadError> {
+        let whole = match self.whole.get() {
+            Some(whole) => whole,
+            None => {
+                let bytes = self.dataset.read_native_bytes()?;
+                self.whole.get_or_init(|| bytes)
+            }
+        };
+        // Places before this frame's first row, the last dimension running fastest.
+        let lead =
+            self.lead.iter().zip(self.dataset.shape()).fold(0, |place, (&index, &size)| place * size + index);
+        let row = self.width * self.kind.size();
+        let first = lead as usize * self.count;
+        let bytes = whole.get((first + rows.start) * row..(first + rows.end) * row);
+        bytes
+            .map(<[u8]>::to_vec)
+            .ok_or_else(|| ReadError::InvalidData("a data set is shorter than its extent".into()))
+    }
+
+    /// Its numbers, for a small data set.
+    pub(super) fn numbers(&self) -> Result<Vec<f64>> {
+        let bytes = self.read(0..self.count)?;
+        let size = self.kind.size();
+        let source =
+            Source { bytes: &bytes, kind: self.kind, order: NATIVE, start: 0, stride: size, step: 0 };
+        Ok((0..bytes.len() / size).map(|place| source.number(place)).collect())
+    }
+}

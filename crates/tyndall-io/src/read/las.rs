@@ -1,0 +1,487 @@
+//! LAS and its packed form LAZ, the format of airborne laser scanning: versions 1.0 to 1.4, point formats 0 to 10.
+//!
+//! Records of fixed size follow a header and its variable records; packed ones come out of the crate laz, pure Rust, as they
+//! were. Coordinates are integers times a scale plus an offset, in double precision until the origin is off. Extra bytes and
+//! wave forms are left out. Source: ASPRS, "LAS specification 1.4 - R15".
+
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::path::Path;
+
+use glam::DVec3;
+use laz::{LasZipDecompressor, LazVlr};
+use tyndall::{Error, Progress, Result};
+
+use super::cursor::Cursor;
+use super::numbers::{Kind, Order};
+use super::records::{self, Builder, ORIGIN_COUNT, Source, truncated};
+use crate::sequence::Frame;
+
+const HINT: &str = "was the file copied to its end? lasinfo may say more";
+/// Points that are unpacked at a time.
+const BATCH: usize = 1 << 16;
+/// More points than this are not in a byte of a packed file.
+const MOST_PACKED: u64 = 256;
+/// Bytes of a record of each point format, without extra ones.
+const RECORD_BYTES: [usize; 11] = [20, 28, 26, 34, 57, 63, 30, 36, 38, 59, 67];
+
+/// Whether the file begins like LAS.
+pub(crate) fn recognise(head: &[u8]) -> bool {
+    head.starts_with(b"LASF")
+}
+
+/// What of the header and its variable records matters here.
+struct Header {
+    /// Where the points begin.
+    start: usize,
+    /// The point format, 0 to 10.
+    format: usize,
+    /// Bytes of a point, unpacked.
+    record: usize,
+    count: u64,
+    scale: DVec3,
+    offset: DVec3,
+    /// How the points are packed, if they are.
+    packing: Option<LazVlr>,
+    /// Whether the coordinate system is named.
+    system: bool,
+}
+
+impl Header {
+    fn read(path: &Path, bytes: &[u8]) -> Result<Self> {
+        let mut cursor = Cursor::new(path, bytes, 0, Order::Little, HINT);
+        if cursor.take(4, "the magic word")? != b"LASF" {
+            return Err(cursor.fault("wanted LASF"));
+        }
+        cursor.take(21, "the head of the header")?;
+        let minor: u8 = cursor.number("the version")?;
+        cursor.take(68, "names and a date")?;
+        let size: u16 = cursor.number("the header's size")?;
+        let start: u32 = cursor.number("where the points begin")?;
+        let records: u32 = cursor.number("how many variable records there are")?;
+        let format: u8 = cursor.number("the point format")?;
+        let record: u16 = cursor.number("the size of a point")?;
+        let legacy: u32 = cursor.number("the number of points")?;
+        cursor.take(20, "numbers of points by return")?;
+        let mut vector = |what: &str| -> Result<DVec3> {
+            Ok(DVec3::new(cursor.number(what)?, cursor.number(what)?, cursor.number(what)?))
+        };
+        let (scale, offset) = (vector("the scale")?, vector("the offset")?);
+        cursor.take(48, "the bounds")?;
+        let mut count = u64::from(legacy);
+        if minor >= 4 && size >= 375 {
+            cursor.take(20, "where further records are")?;
+            count = cursor.number("the number of points")?;
+        }
+        // The two topmost bits say that the points are packed.
+        let (is_packed, format) = (format & 0xc0 != 0, usize::from(format & 0x3f));
+        let Some(&least) = RECORD_BYTES.get(format) else {
+            return Err(cursor.fault(format!("point formats 0 to 10 are known, {format} was found")));
+        };
+        let record = usize::from(record);
+        if record < least {
+            return Err(cursor.fault(format!(
+                "a point of format {format} has at least {least} bytes, {record} are given"
+            )));
+        }
+
+        let (mut packing, mut system) = (None, false);
+        let mut cursor = Cursor::new(path, bytes, size.into(), Order::Little, HINT);
+        for _ in 0..records {
+            cursor.take(2, "a variable record")?;
+            let user = cursor.text(16, "whose record it is")?;
+            let number: u16 = cursor.number("a record's number")?;
+            let length: u16 = cursor.number("a record's length")?;
+            cursor.take(32, "a record's description")?;
+            let data = cursor.take(length.into(), "a variable record")?;
+            match user.trim_end_matches('\0') {
+                "laszip encoded" if number == 22204 => {
+                    let vlr = LazVlr::from_buffer(data).map_err(|error| cursor.fault(error.to_string()))?;
+                    packing = Some(vlr);
+                }
+                "LASF_Projection" => system = true,
+                _ => {}
+            }
+        }
+        if is_packed != packing.is_some() {
+            return Err(cursor.fault(
+                "the point format and the record of LASzip do not agree on whether points are packed",
+            ));
+        }
+        if packing.as_ref().is_some_and(|vlr| vlr.items_size() != record as u64) {
+            return Err(cursor.fault(format!("the record of LASzip has not {record} bytes a point")));
+        }
+        Ok(Self { start: start as usize, format, record, count, scale, offset, packing, system })
+    }
+
+    /// Fails unless the file may hold the points.
+    fn check(&self, path: &Path, bytes: &[u8]) -> Result<()> {
+        let most = match self.packing {
+            Some(_) => (bytes.len() as u64).saturating_mul(MOST_PACKED),
+            None => (bytes.len().saturating_sub(self.start) / self.record) as u64,
+        };
+        let fits = self.count <= most && self.start <= bytes.len();
+        if fits {
+            Ok(())
+        } else {
+            Err(truncated(path, self.count, self.record, bytes.len().saturating_sub(self.start)))
+        }
+    }
+}
+
+/// Where a quantity stands in a record.
+#[derive(Clone, Copy, Debug)]
+enum Place {
+    /// A number at a byte.
+    Number(Kind, usize),
+    /// Bits of a byte: how many are below them, and how many they are.
+    Bits(usize, u32, u32),
+    /// Steps of 0.006 degrees.
+    Angle(usize),
+}
+
+/// The quantities of a point format.
+fn quantities(format: usize) -> Vec<(&'static str, Place)> {
+    use Place::{Angle, Bits, Number};
+    let mut quantities = vec![("intensity", Number(Kind::U16, 12))];
+    let mut end = if format >= 6 {
+        quantities.extend([
+            ("return_number", Bits(14, 0, 4)),
+            ("number_of_returns", Bits(14, 4, 4)),
+            ("synthetic", Bits(15, 0, 1)),
+            ("key_point", Bits(15, 1, 1)),
+            ("withheld", Bits(15, 2, 1)),
+            ("overlap", Bits(15, 3, 1)),
+            ("scanner_channel", Bits(15, 4, 2)),
+            ("scan_direction_flag", Bits(15, 6, 1)),
+            ("edge_of_flight_line", Bits(15, 7, 1)),
+            ("classification", Number(Kind::U8, 16)),
+            ("user_data", Number(Kind::U8, 17)),
+            ("scan_angle", Angle(18)),
+            ("point_source_id", Number(Kind::U16, 20)),
+        ]);
+        22
+    } else {
+        quantities.extend([
+            ("return_number", Bits(14, 0, 3)),
+            ("number_of_returns", Bits(14, 3, 3)),
+            ("scan_direction_flag", Bits(14, 6, 1)),
+            ("edge_of_flight_line", Bits(14, 7, 1)),
+            ("classification", Bits(15, 0, 5)),
+            ("synthetic", Bits(15, 5, 1)),
+            ("key_point", Bits(15, 6, 1)),
+            ("withheld", Bits(15, 7, 1)),
+            ("scan_angle_rank", Number(Kind::I8, 16)),
+            ("user_data", Number(Kind::U8, 17)),
+            ("point_source_id", Number(Kind::U16, 18)),
+        ]);
+        20
+    };
+    if !matches!(format, 0 | 2) {
+        quantities.push(("gps_time", Number(Kind::F64, end)));
+        end += 8;
+    }
+    if matches!(format, 2 | 3 | 5 | 7 | 8 | 10) {
+        let channels = ["red", "green", "blue"].into_iter().zip([0, 2, 4]);
+        quantities.extend(channels.map(|(name, offset)| (name, Number(Kind::U16, end + offset))));
+        end += 6;
+    }
+    if matches!(format, 8 | 10) {
+        quantities.push(("nir", Number(Kind::U16, end)));
+    }
+    quantities
+}
+
+impl Place {
+    fn kind(self) -> Kind {
+        match self {
+            Self::Number(kind, _) => kind,
+            Self::Bits(..) => Kind::U8,
+            Self::Angle(_) => Kind::F32,
+        }
+    }
+}
+
+/// Reads the points.
+pub(crate) fn read(path: &Path, bytes: &[u8], progress: &dyn Progress) -> Result<Frame> {
+    progress.begin("read", Some(bytes.len() as u64), "B");
+    let header = Header::read(path, bytes)?;
+    header.check(path, bytes)?;
+    let (count, record) = (header.count as usize, header.record);
+    let quantities = quantities(header.format);
+
+    let unpacking =
+        |error: String| Error::format(path, "", format!("the points cannot be unpacked: {error}"), HINT);
+    let mut packed = match &header.packing {
+        // Without points there is nothing, not even where their chunks are.
+        Some(vlr) if count > 0 => {
+            let mut content = std::io::Cursor::new(bytes);
+            content.set_position(header.start as u64);
+            let decompressor = LasZipDecompressor::new(content, vlr.clone());
+            Some(decompressor.map_err(|error| unpacking(error.to_string()))?)
+        }
+        _ => None,
+    };
+    let rows: Vec<usize> = (0..count).step_by(BATCH).map(|start| BATCH.min(count - start)).collect();
+    let mut unpacked = vec![0; if packed.is_some() { rows[0] * record } else { 0 }];
+    let mut unpack = |into: &mut [u8]| match &mut packed {
+        Some(decompressor) => {
+            // The decoder asserts what damaged data may break.
+            let unpacked = catch_unwind(AssertUnwindSafe(|| decompressor.decompress_many(into)));
+            let done = unpacked.map_err(|_| unpacking("the data are damaged".to_string()))?;
+            done.map_err(|error| unpacking(error.to_string()))
+        }
+        None => Ok(()),
+    };
+
+    // The first batch is unpacked before the others: it decides the origin.
+    unpack(&mut unpacked)?;
+    let first = if unpacked.is_empty() { &bytes[header.start..] } else { &unpacked[..] };
+    let head = &first[..ORIGIN_COUNT.min(count) * record];
+    let head = [0, 1, 2].map(|axis| coordinates(head, &header, axis));
+    let head: Vec<DVec3> =
+        (0..head[0].len()).map(|id| DVec3::new(head[0][id], head[1][id], head[2][id])).collect();
+    let columns = quantities.iter().map(|(name, place)| (name.to_string(), 1, place.kind()));
+    let mut builder = Builder::new(count, &head, columns);
+    let mut start = 0;
+    for (mut slots, &rows_here) in builder.split(&rows).into_iter().zip(&rows) {
+        if progress.cancelled() {
+            return Err(Error::Interrupted);
+        }
+        let records = if unpacked.is_empty() {
+            &bytes[header.start + start * record..][..rows_here * record]
+        } else {
+            if start > 0 {
+                unpack(&mut unpacked[..rows_here * record])?;
+            }
+            &unpacked[..rows_here * record]
+        };
+        let axes = [0, 1, 2].map(|axis| coordinates(records, &header, axis));
+        fill(&mut slots, &axes, records, record, &quantities);
+        let share = |rows: usize| rows as u128 * bytes.len() as u128 / count as u128;
+        progress.advance((share(start + rows_here) - share(start)) as u64);
+        start += rows_here;
+    }
+    let columns = builder.into_columns();
+
+    let mut conventions = vec!["coordinates: integers times the header's scale, plus its offset".to_string()];
+    if header.system {
+        conventions.push(
+            "the coordinate system, which the file names, is not looked at: no unit of length".to_string(),
+        );
+    }
+    let mut warnings = Vec::new();
+    let extra = record - RECORD_BYTES[header.format];
+    if extra > 0 {
+        warnings.push(format!("left out: {extra} extra bytes of each point"));
+    }
+    if matches!(header.format, 4 | 5 | 9 | 10) {
+        warnings.push("left out: wave forms".to_string());
+    }
+    records::frame(columns, conventions, warnings)
+}
+
+/// The coordinates along an axis.
+fn coordinates(records: &[u8], header: &Header, axis: usize) -> Vec<f64> {
+    let stride = header.record;
+    let source =
+        Source { bytes: records, kind: Kind::I32, order: Order::Little, start: 4 * axis, stride, step: 0 };
+    let (scale, offset) = (header.scale[axis], header.offset[axis]);
+    (0..records.len() / stride).map(|id| source.number(id) * scale + offset).collect()
+}
+
+/// Numbers in this machine's order of bytes.
+fn native(bytes: &[u8], kind: Kind) -> Source<'_> {
+    let order = if cfg!(target_endian = "big") { Order::Big } else { Order::Little };
+    Source { bytes, kind, order, start: 0, stride: kind.size(), step: 0 }
+}
+
+/// Brings a batch of records into their slots.
+fn fill(
+    slots: &mut [records::Slot],
+    coordinates: &[Vec<f64>; 3],
+    bytes: &[u8],
+    stride: usize,
+    quantities: &[(&'static str, Place)],
+) {
+    let count = coordinates[0].len();
+    let (axes, values) = slots.split_at_mut(3);
+    for (slot, coordinates) in axes.iter_mut().zip(coordinates) {
+        slot.fill(&native(bytemuck::cast_slice(coordinates), Kind::F64), 0, 1, 0..count);
+    }
+    for (slot, (_, place)) in values.iter_mut().zip(quantities) {
+        match *place {
+            Place::Number(kind, start) => {
+                let source = Source { bytes, kind, order: Order::Little, start, stride, step: 0 };
+                slot.fill(&source, 0, 1, 0..count);
+            }
+            Place::Bits(at, below, bits) => {
+                let value = |record: &[u8]| record[at] >> below & ((1 << bits) - 1) as u8;
+                let values: Vec<u8> = bytes.chunks_exact(stride).map(value).collect();
+                slot.fill(&native(&values, Kind::U8), 0, 1, 0..count);
+            }
+            Place::Angle(start) => {
+                let source = Source { bytes, kind: Kind::I16, order: Order::Little, start, stride, step: 0 };
+                let values: Vec<f32> = (0..count).map(|id| (0.006 * source.number(id)) as f32).collect();
+                slot.fill(&native(bytemuck::cast_slice(&values), Kind::F32), 0, 1, 0..count);
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use laz::{LasZipCompressor, LazItemRecordBuilder, LazVlrBuilder};
+
+    use super::*;
+    use crate::read::real_data;
+
+    /// The record of a point: x = 6e6 + id, y = -2 id, z = 0.25 in steps of 0.01.
+    fn record(id: usize, format: usize) -> Vec<u8> {
+        let mut record = Vec::new();
+        for step in [100 * id as i32, -200 * id as i32 + 10_000, 25] {
+            record.extend(step.to_le_bytes());
+        }
+        record.extend((100 + id as u16 % 1000).to_le_bytes());
+        let withheld = u8::from(id == 1);
+        if format >= 6 {
+            record.extend([0x21, withheld << 2 | 1 << 7, 5, 7]);
+            record.extend(500i16.to_le_bytes());
+        } else {
+            record.extend([0x11 | 1 << 7, withheld << 7 | 5, 3, 7]);
+        }
+        record.extend(300u16.to_le_bytes());
+        if !matches!(format, 0 | 2) {
+            record.extend((0.5 + id as f64).to_le_bytes());
+        }
+        if matches!(format, 2 | 3 | 5 | 7 | 8 | 10) {
+            record.extend([1u16, 2, 65535].iter().flat_map(|it| it.to_le_bytes()));
+        }
+        if matches!(format, 8 | 10) {
+            record.extend(9u16.to_le_bytes());
+        }
+        record.resize(RECORD_BYTES[format], 0);
+        record
+    }
+
+    fn points(count: usize, format: usize, packed: bool) -> Vec<u8> {
+        let mut file = b"LASF".to_vec();
+        file.resize(24, 0);
+        file.extend([1, 4]);
+        file.resize(94, 0);
+        let mut vlr = Vec::new();
+        let items = || LazItemRecordBuilder::default_for_point_format_id(format as u8, 0).unwrap();
+        if packed {
+            LazVlrBuilder::new(items()).build().write_to(&mut vlr).unwrap();
+        }
+        let variable = if packed { 54 + vlr.len() } else { 0 };
+        file.extend(375u16.to_le_bytes());
+        file.extend((375 + variable as u32).to_le_bytes());
+        file.extend(u32::from(packed).to_le_bytes());
+        file.push(format as u8 | if packed { 0x80 } else { 0 });
+        file.extend((RECORD_BYTES[format] as u16).to_le_bytes());
+        file.extend([0; 24]);
+        for number in [0.01, 0.01, 0.01, 6e6, -100.0, 0.0] {
+            file.extend(f64::to_le_bytes(number));
+        }
+        file.resize(247, 0);
+        file.extend((count as u64).to_le_bytes());
+        file.resize(375, 0);
+        let records: Vec<u8> = (0..count).flat_map(|id| record(id, format)).collect();
+        if !packed {
+            file.extend(records);
+            return file;
+        }
+        file.extend([0; 2]);
+        file.extend(b"laszip encoded\0\0");
+        file.extend(22204u16.to_le_bytes());
+        file.extend((vlr.len() as u16).to_le_bytes());
+        file.extend([0; 32]);
+        file.extend(vlr);
+        let end = file.len() as u64;
+        let mut out = std::io::Cursor::new(file);
+        out.set_position(end);
+        let mut compressor = LasZipCompressor::from_laz_items(&mut out, items()).unwrap();
+        compressor.compress_many(&records).unwrap();
+        compressor.done().unwrap();
+        drop(compressor);
+        out.into_inner()
+    }
+
+    fn read(bytes: &[u8]) -> Result<Frame> {
+        super::read(Path::new("test"), bytes, &())
+    }
+
+    #[test]
+    fn every_point_format_is_read() {
+        for (format, packed) in
+            (0..=10).map(|it| (it, false)).chain([0, 1, 2, 3, 6, 7, 8].map(|it| (it, true)))
+        {
+            let bytes = points(5, format, packed);
+            assert!(recognise(&bytes));
+            let frame = read(&bytes).unwrap();
+            let particles = &frame.particles;
+            let what = format!("format {format}, packed {packed}");
+            let place = particles.positions().world(4);
+            assert!(place.abs_diff_eq(DVec3::new(6e6 + 4.0, -8.0, 0.25), 1e-5), "{what}: {place}");
+            let number = |name: &str| particles.attribute(name).map(|it| it.number(4, 0));
+            assert_eq!(
+                (number("intensity"), number("number_of_returns")),
+                (Some(104.0), Some(2.0)),
+                "{what}"
+            );
+            assert_eq!(
+                (number("return_number"), number("edge_of_flight_line")),
+                (Some(1.0), Some(1.0)),
+                "{what}"
+            );
+            assert_eq!((number("classification"), number("user_data")), (Some(5.0), Some(7.0)), "{what}");
+            assert_eq!(number("point_source_id"), Some(300.0), "{what}");
+            let timed = ![0, 2].contains(&format);
+            let colored = [2, 3, 5, 7, 8, 10].contains(&format);
+            assert_eq!(number("gps_time"), timed.then_some(4.5), "{what}");
+            assert_eq!(number("blue"), colored.then_some(65535.0), "{what}");
+            assert_eq!(number("nir"), [8, 10].contains(&format).then_some(9.0), "{what}");
+            let angle = number(if format >= 6 { "scan_angle" } else { "scan_angle_rank" }).unwrap();
+            assert!((angle - 3.0).abs() < 1e-6, "{what}: {angle}");
+            let withheld = particles.attribute("withheld").unwrap();
+            assert_eq!([0, 1, 2].map(|id| withheld.number(id, 0)), [0.0, 1.0, 0.0], "{what}");
+        }
+    }
+
+    #[test]
+    fn more_points_than_a_batch_keep_their_order() {
+        let count = BATCH + 3;
+        let particles = read(&points(count, 3, true)).unwrap().particles;
+        let time = particles.attribute("gps_time").unwrap();
+        assert!((0..count).all(|id| time.number(id, 0) == 0.5 + id as f64));
+    }
+
+    #[test]
+    fn none_and_one_point_are_fine() {
+        for packed in [false, true] {
+            for count in [0, 1] {
+                assert_eq!(read(&points(count, 3, packed)).unwrap().particles.len(), count);
+            }
+        }
+    }
+
+    #[test]
+    fn cut_files_and_hostile_counts_are_refused() {
+        let bytes = points(50, 1, false);
+        for length in (0..bytes.len()).step_by(7) {
+            assert!(read(&bytes[..length]).is_err(), "{length} of {}", bytes.len());
+        }
+        for packed in [false, true] {
+            let mut hostile = points(50, 1, packed);
+            hostile[247..255].fill(0x7f);
+            assert!(read(&hostile).is_err());
+        }
+    }
+
+    #[test]
+    fn damage_never_panics() {
+        for packed in [false, true] {
+            real_data::damage_some(&points(20, 3, packed), |file| drop(read(file)));
+        }
+    }
+}

@@ -1,0 +1,208 @@
+"""Writes the HDF5 files of this folder with h5py, which is the C library: python make.py (needs h5py, hdf5plugin and numpy)."""
+import os
+
+import h5py
+import hdf5plugin
+import numpy as np
+
+os.chdir(os.path.dirname(os.path.abspath(__file__)))
+ascii_text = np.bytes_
+
+
+def chain(group, name, data, rows):
+    """A data set with SWIFT's chain of filters: fletcher32, then shuffle, then deflate."""
+    plist = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
+    plist.set_chunk((rows,) + data.shape[1:])
+    plist.set_fletcher32()
+    plist.set_shuffle()
+    plist.set_deflate(4)
+    space = h5py.h5s.create_simple(data.shape)
+    created = h5py.h5d.create(group.id, name.encode(), h5py.h5t.py_create(data.dtype), space, plist)
+    dataset = h5py.Dataset(created)
+    dataset[...] = data
+    return dataset
+
+
+def swift(name, libver):
+    """Five gas and three star particles in a comoving universe, coordinates k, k + 0.25, k + 0.5."""
+    with h5py.File(name, "w", libver=libver) as file:
+        header = file.create_group("Header").attrs
+        header["BoxSize"] = np.array([8.0, 8.0, 8.0])
+        header["NumPart_ThisFile"] = np.array([5, 0, 0, 0, 3, 0, 0], dtype="u8")
+        header["NumPart_Total"] = np.array([5, 0, 0, 0, 3, 0, 0], dtype="u4")
+        header["NumPart_Total_HighWord"] = np.zeros(7, dtype="u4")
+        header["NumFilesPerSnapshot"] = np.array([1], dtype="i4")
+        header["MassTable"] = np.zeros(7)
+        header["Time"] = np.array([0.75])
+        header["Redshift"] = np.array([1.0])
+        header["Scale-factor"] = np.array([0.5])
+        header["Code"] = ascii_text("SWIFT")
+        file.create_group("Units").attrs["Unit length in cgs (U_L)"] = np.array([3.08567758e24])
+        file.create_group("Cosmology").attrs["h"] = np.array([0.7])
+        for number, count, first in [(0, 5, 0), (4, 3, 5)]:
+            group = file.create_group(f"PartType{number}")
+            k = np.arange(first, first + count, dtype="f8")
+            positions = chain(group, "Coordinates", np.stack([k, k + 0.25, k + 0.5], axis=1), 2)
+            positions.attrs["a-scale exponent"] = np.array([1.0])
+            positions.attrs["h-scale exponent"] = np.array([0.0])
+            positions.attrs["Conversion factor to CGS (not including cosmological corrections)"] = [3.08567758e24]
+            positions.attrs["U_L exponent"] = [1.0]
+            positions.attrs["U_M exponent"] = [0.0]
+            positions.attrs["U_t exponent"] = [0.0]
+            chain(group, "Masses", (k + 1).astype("f4"), 2)
+            chain(group, "ParticleIDs", (k + 100).astype("u8"), 3)
+            chain(group, "Velocities", np.stack([-k, k, 0 * k], axis=1).astype("f4"), 3)
+            if number == 0:
+                group.create_dataset("SmoothingLengths", data=(0.1 * k).astype("f4"), chunks=(3,), compression="lzf")
+                group.create_dataset("Flags", data=np.array([True, False, True, False, True]))
+        file["GasParticles"] = h5py.SoftLink("/PartType0")
+
+
+def gadget(number):
+    """One of the two files of a Gadget snapshot: a gas and two halo particles, halo masses in the table."""
+    with h5py.File(f"snap_007.{number}.hdf5", "w") as file:
+        header = file.create_group("Header").attrs
+        header["BoxSize"] = 10.0
+        header["HubbleParam"] = 0.7
+        header["MassTable"] = np.array([0, 0.5, 0, 0, 0, 0.0])
+        header["NumFilesPerSnapshot"] = np.int32(2)
+        header["NumPart_ThisFile"] = np.array([1, 2, 0, 0, 0, 0], dtype="i4")
+        header["NumPart_Total"] = np.array([2, 4, 0, 0, 0, 0], dtype="u4")
+        header["NumPart_Total_HighWord"] = np.zeros(6, dtype="u4")
+        header["Redshift"] = 3.0
+        header["Time"] = 0.25
+        gas, halo = file.create_group("PartType0"), file.create_group("PartType1")
+        gas["Coordinates"] = np.array([[1, 2, 3]], dtype="f4") + number
+        gas["Masses"] = np.array([2.0 + number], dtype="f4")
+        gas["ParticleIDs"] = np.array([10 * number], dtype="u4")
+        gas["InternalEnergy"] = np.array([7.0], dtype="f4")
+        halo["Coordinates"] = np.array([[4, 5, 6], [7, 8, 9]], dtype=">f4") + number
+        halo["ParticleIDs"] = np.array([10 * number + 1, 10 * number + 2], dtype="u4")
+
+
+def virtual():
+    """SWIFT's way: two parts, and a file that only points to them."""
+    for number in [0, 1]:
+        with h5py.File(f"virtual.{number}.hdf5", "w") as file:
+            swift_header(file.create_group("Header").attrs, [2, 0], [4, 0], 2)
+            gas = file.create_group("PartType0")
+            gas["Coordinates"] = np.arange(6, dtype="f8").reshape(2, 3) + 10 * number
+    with h5py.File("virtual.hdf5", "w", libver="latest") as file:
+        header = file.create_group("Header").attrs
+        swift_header(header, [4, 0], [4, 0], 2)
+        header["Virtual"] = np.array([1], dtype="i4")
+        layout = h5py.VirtualLayout(shape=(4, 3), dtype="f8")
+        for number in [0, 1]:
+            source = h5py.VirtualSource(f"virtual.{number}.hdf5", "PartType0/Coordinates", shape=(2, 3))
+            layout[2 * number : 2 * number + 2] = source
+        file.create_group("PartType0").create_virtual_dataset("Coordinates", layout)
+
+
+def swift_header(header, here, total, files):
+    header["BoxSize"] = np.array([50.0, 50.0, 50.0])
+    header["NumPart_ThisFile"] = np.array(here, dtype="u8")
+    header["NumPart_Total"] = np.array(total, dtype="u4")
+    header["NumPart_Total_HighWord"] = np.zeros(2, dtype="u4")
+    header["NumFilesPerSnapshot"] = np.array([files], dtype="i4")
+    header["Code"] = ascii_text("SWIFT")
+
+
+def filters():
+    """Zstandard, which is read, and Blosc, which is not."""
+    positions = np.arange(3000, dtype="f4").reshape(1000, 3)
+    with h5py.File("zstd.h5", "w") as file:
+        file.create_dataset("Coordinates", data=positions, **hdf5plugin.Zstd())
+    with h5py.File("blosc.h5", "w") as file:
+        file.create_dataset("Coordinates", data=positions, **hdf5plugin.Blosc())
+
+
+def h5md():
+    """Two particles in three frames, velocities in every second, species fixed and named, a growing box."""
+    with h5py.File("fixed_and_varying.h5md", "w") as file:
+        file.create_group("h5md").attrs["version"] = np.array([1, 1])
+        atoms = file.create_group("particles/atoms")
+        step = np.array([0, 10, 20])
+        position = atoms.create_group("position")
+        position["value"] = np.arange(18, dtype="f4").reshape(3, 2, 3)
+        position["value"].attrs["unit"] = "nm"
+        position["step"] = step
+        position["time"] = 0.5 * step
+        velocity = atoms.create_group("velocity")
+        velocity["value"] = 100.0 + np.arange(12).reshape(2, 2, 3)
+        velocity["step"] = 20
+        kinds = h5py.enum_dtype({"H": 1, "O": 8}, basetype="i4")
+        atoms.create_dataset("species", data=np.array([8, 1]), dtype=kinds)
+        atoms["mass"] = np.array([16.0, 1.0])
+        box = atoms.create_group("box")
+        box.attrs["dimension"] = 3
+        box.attrs["boundary"] = np.array([b"periodic", b"none", b"periodic"])
+        edges = box.create_group("edges")
+        edges["value"] = np.array([[4.0, 5, 6], [5, 6, 7], [6, 7, 8]])
+        edges["step"] = step
+        ions = file.create_group("particles/ions/position")
+        ions["value"] = np.zeros((1, 1, 3), dtype="f4")
+        ions["step"] = 1
+
+
+def openpmd():
+    """Two iterations; electrons with an offset and a constant component, one ion."""
+    with h5py.File("series.h5", "w") as file:
+        file.attrs["openPMD"] = ascii_text("1.1.0")
+        file.attrs["basePath"] = ascii_text("/data/%T/")
+        file.attrs["particlesPath"] = ascii_text("particles/")
+        for iteration in [5, 100]:
+            base = file.create_group(f"data/{iteration}")
+            base.attrs["time"] = float(iteration)
+            base.attrs["timeUnitSI"] = 1e-3
+            electrons = base.create_group("particles/electrons")
+            position = electrons.create_group("position")
+            offset = electrons.create_group("positionOffset")
+            length = np.array([1.0, 0, 0, 0, 0, 0, 0])
+            position.attrs["unitDimension"] = length
+            for axis in "xy":
+                position[axis] = np.array([1.0, 2.0, 3.0], dtype="f4") + (axis == "y")
+                position[axis].attrs["unitSI"] = 0.5
+            constants = [(position, "z", 4.0, 0.25)] + [(offset, axis, 1.0, 10.0) for axis in "xyz"]
+            for record, axis, value, unit in constants:
+                component = record.create_group(axis)
+                component.attrs["value"] = value
+                component.attrs["shape"] = np.array([3], dtype="u8")
+                component.attrs["unitSI"] = unit
+            momentum = electrons.create_group("momentum")
+            momentum.attrs["unitDimension"] = np.array([1.0, 1, -1, 0, 0, 0, 0])
+            for axis in "xyz":
+                momentum[axis] = np.array([1.0, 2.0, 3.0])
+                momentum[axis].attrs["unitSI"] = 2.0
+            electrons["id"] = np.array([7, 8, 9], dtype="u8")
+            ions = base.create_group("particles/ions/position")
+            for axis in "xyz":
+                ions[axis] = np.array([0.5])
+
+
+def plain():
+    with h5py.File("candidates.h5", "w") as file:
+        file["run/a"] = np.arange(12, dtype="f4").reshape(4, 3)
+        file["run/b"] = -np.arange(12, dtype="f8").reshape(4, 3)
+        file["run/heat"] = np.arange(4, dtype="f2")
+        file["run/heat"].attrs["unit"] = "K"
+        file["run/note"] = np.arange(5)
+    with h5py.File("steps.h5part", "w") as file:
+        for step in [0, 2, 10]:
+            group = file.create_group(f"Step#{step}")
+            group.attrs["TimeValue"] = np.array([0.5 * step])
+            for axis in "xyz":
+                group[axis] = np.array([step, step + 1.0]) + (axis == "z")
+            group["id"] = np.array([1, 2])
+    with h5py.File("empty.h5", "w") as file:
+        file["Coordinates"] = np.zeros((0, 3), dtype="f4")
+
+
+swift("swift.hdf5", None)
+swift("swift_latest.hdf5", "latest")
+for number in [0, 1]:
+    gadget(number)
+virtual()
+filters()
+h5md()
+openpmd()
+plain()
