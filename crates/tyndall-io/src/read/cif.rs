@@ -297,7 +297,7 @@ mod tests {
         let start = SMALL.find("ATOM 1").unwrap();
         let end = SMALL.find("\nloop_\n_pdbx").unwrap();
         for length in start + 1..end {
-            let Ok(index) = index(Path::new("test"), SMALL[..length].as_bytes(), &Options::default()) else {
+            let Ok(index) = index(Path::new("test"), &SMALL.as_bytes()[..length], &Options::default()) else {
                 continue;
             };
             assert!(

@@ -366,8 +366,11 @@ mod tests {
     use super::*;
     use crate::read::real_data;
 
+    /// A chunk's frame, name, rows, columns, kind of numbers, and bytes.
+    type Chunk<'a> = (u64, &'a str, u64, u32, u8, Vec<u8>);
+
     /// Writes a file: chunks in the order of their frames.
-    fn file(major: u32, chunks: &[(u64, &str, u64, u32, u8, Vec<u8>)]) -> Vec<u8> {
+    fn file(major: u32, chunks: &[Chunk]) -> Vec<u8> {
         let mut names: Vec<&str> = Vec::new();
         let mut file = vec![0; 256];
         let mut index = Vec::new();

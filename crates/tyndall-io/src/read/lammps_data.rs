@@ -505,7 +505,7 @@ mod tests {
         let end = SMALL.find("\n\nVelocities").unwrap();
         let start = SMALL.find("7 1 2").unwrap();
         for length in start..end - 1 {
-            let index = index(&mut Feed::over(std::path::Path::new("test"), SMALL[..length].as_bytes()));
+            let index = index(&mut Feed::over(std::path::Path::new("test"), &SMALL.as_bytes()[..length]));
             assert!(index.unwrap().frames.is_empty(), "{}", &SMALL[start..length]);
         }
         let huge = SMALL.replacen("2 atoms", "1152921504606846976 atoms", 1);

@@ -511,7 +511,7 @@ mod tests {
         assert!(message(&format!("HEADER    VIRUS\n{ATOMS}")).contains("add a line END"));
         let two = format!("MODEL        1\n{ATOMS}ENDMDL\n").repeat(2);
         for length in two.len() / 2 + 100..two.len() - 8 {
-            let index = index(Path::new("test"), two[..length].as_bytes(), &Options::default()).unwrap();
+            let index = index(Path::new("test"), &two.as_bytes()[..length], &Options::default()).unwrap();
             assert_eq!((index.frames.len(), index.cut), (1, true), "{length}");
         }
         assert!(!recognise(b"TITLE,x,y,z\nword,1,2,3\n") && !recognise(b"REMARK\nthis is no protein\n"));

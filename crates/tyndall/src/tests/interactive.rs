@@ -309,7 +309,7 @@ mod card {
     fn changes_come_to_what_a_scene_made_that_way_shows() {
         let Some(gpu) = device_that_hides() else { return };
         let (mut pixels, mut differing) = (0, 0);
-        change_at_random(&gpu, 12, &KINDS, |seed, scene, state, found| {
+        change_at_random(&gpu, 8, &KINDS, |seed, scene, state, found| {
             // Where all particles share a center, what a shadow ray starts on lies within rounding of the others.
             if matches!(
                 (LAWS[seed as usize % LAWS.len()], state.lighting),
