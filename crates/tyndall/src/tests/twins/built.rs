@@ -136,6 +136,10 @@ fn the_card_sorts_by_key_and_then_by_id() {
 #[test]
 fn many_small_pages_build_what_one_large_page_builds() {
     let (Some(whole), Some(paged)) = (device(None), device(Some(8 << 10))) else { return };
+    if whole.storage_buffers() < 24 {
+        println!("left out: {} has too few bindings for pages", whole.info().name);
+        return;
+    }
     for (seed, packing) in [(0, Packing::Exact), (4, Packing::Bits16), (4, Packing::Bits8)] {
         let [expected, found] = [&whole, &paged].map(|gpu| {
             let (particles, radii, ..) = random_particles(seed);
