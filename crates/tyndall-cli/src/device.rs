@@ -117,10 +117,12 @@ mod card {
     }
 
     /// What the card holds of a structure before the scene is complete.
-    #[derive(Default)]
     pub(crate) struct Held<'a>(Option<Hierarchy<'a>>);
 
     impl Held<'_> {
+        /// Nothing.
+        pub(crate) const NONE: Self = Self(None);
+
         /// Where the structure was built, for those who want to know how long it took.
         pub(crate) fn builder(&self) -> &'static str {
             if self.0.is_some() { " on the card" } else { "" }
@@ -192,7 +194,7 @@ mod card {
                 }
             }
             let structure = Structure::build(kind, particles, radii, radius_scale, progress)?;
-            Ok((structure, Held::default()))
+            Ok((structure, Held::NONE))
         }
 
         /// Makes the scene ready. What a card has no room for, the processor renders, unless the card was asked for.
@@ -273,10 +275,11 @@ mod processor {
     pub(crate) struct Renders;
 
     /// Nothing: all is with the processor.
-    #[derive(Default)]
     pub(crate) struct Held;
 
     impl Held {
+        pub(crate) const NONE: Self = Self;
+
         pub(crate) fn builder(&self) -> &'static str {
             ""
         }

@@ -236,7 +236,7 @@ impl<'a> Job<'a> {
         let (time, dropped) = (particles.time(), particles.dropped().total());
         let scale = self.args.look.radius_scale;
         let ((structure, dropped), held) = match &parts {
-            Some(parts) => (self.stream(parts, &radii, &colors)?, Held::default()),
+            Some(parts) => (self.stream(parts, &radii, &colors)?, Held::NONE),
             None => {
                 let (structure, held) =
                     self.renders.build(self.structure, particles, &radii, scale, self.report)?;
