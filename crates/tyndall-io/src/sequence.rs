@@ -13,7 +13,7 @@ use rayon::prelude::*;
 use tyndall::{Error, Particles, Progress, Result};
 
 use crate::parts::Parts;
-use crate::read::{self, Feed, Format, Index, Open, Packing, Request, Span};
+use crate::read::{self, Feature, Feed, Format, Index, Open, Packing, Request, Span};
 use crate::topology::Topology;
 
 /// Unpacked content up to this size is kept.
@@ -104,20 +104,18 @@ impl Sequence {
         let sources: Vec<Source> = paths.par_iter().map(open).collect::<Result<_>>()?;
         let mut sources = without_repeated_snapshots(sources);
         if let Some(assembly) = &options.assembly
-            && !sources.iter().any(Source::has_assemblies)
+            && !sources.iter().any(|it| it.has(Feature::Assemblies))
         {
-            return Err(Error::setting(
-                "assembly",
-                assembly,
-                "only PDB, mmCIF and BinaryCIF files have assemblies: leave it out",
-            ));
+            let allowed =
+                format!("only {} files have assemblies: leave it out", Feature::Assemblies.formats());
+            return Err(Error::setting("assembly", assembly, allowed));
         }
         let mut format = sources[0].title();
         let mut topology = None;
         if let [Source::File(names), others @ ..] = &sources[..]
-            && !names.format.has_coordinates_only()
+            && !names.format.has(Feature::CoordinatesOnly)
             && !others.is_empty()
-            && others.iter().all(Source::has_coordinates_only)
+            && others.iter().all(|it| it.has(Feature::CoordinatesOnly))
         {
             let frame = names.frame(0, options, None, progress)?;
             topology = Some(Topology::new(&names.path, &frame.particles)?);
@@ -179,7 +177,7 @@ impl Sequence {
         let (source, _) = self.place(frame);
         match &self.sources[source] {
             Source::Synthetic(spec) => Parts::of_synthetic(spec).map(Some),
-            Source::File(file) if file.format.names.contains(&"npy") && file.packing == Packing::Plain => {
+            Source::File(file) if file.format.has(Feature::Parts) && file.packing == Packing::Plain => {
                 Parts::of_npy(&file.path)
             }
             Source::File(_) => Ok(None),
@@ -266,12 +264,8 @@ impl Source {
         }
     }
 
-    fn has_assemblies(&self) -> bool {
-        matches!(self, Self::File(file) if file.format.has_assemblies())
-    }
-
-    fn has_coordinates_only(&self) -> bool {
-        matches!(self, Self::File(file) if file.format.has_coordinates_only())
+    fn has(&self, feature: Feature) -> bool {
+        matches!(self, Self::File(file) if file.format.has(feature))
     }
 
     fn title(&self) -> String {
@@ -290,7 +284,7 @@ impl Source {
 impl FileSource {
     fn open(path: &Path, options: &Options, keep: bool, progress: &dyn Progress) -> Result<Self> {
         let (format, packing) = read::recognise(path, options)?;
-        check_types(path, format, options)?;
+        check_options(path, format, options)?;
         let (mut content, mut told) = (None, 0);
         let index = match &format.open {
             Open::Whole(_) => {
@@ -402,16 +396,19 @@ impl FileSource {
     }
 }
 
-/// Refuses types of particles where files do not have them.
-fn check_types(path: &Path, format: &Format, options: &Options) -> Result<()> {
-    match &options.types {
-        Some(types) if !format.has_types() => {
-            let allowed = format!(
-                "only snapshots (Gadget, TIPSY, HDF5) have types to choose from, {} is of the format {}; use --filter type=…",
-                file_name(path),
-                format.title
-            );
-            Err(Error::setting("type", types.join(","), allowed))
+/// Refuses to choose types of particles or data sets where files do not have them.
+fn check_options(path: &Path, format: &Format, options: &Options) -> Result<()> {
+    let refuse = |name: &str, value: &str, feature: Feature, way_out: &str| {
+        let (formats, file) = (feature.formats(), file_name(path));
+        let allowed = format!("only for {formats}, {file} is of the format {}; {way_out}", format.title);
+        Err(Error::setting(name, value, allowed))
+    };
+    match options {
+        Options { types: Some(types), .. } if !format.has(Feature::Types) => {
+            refuse("type", &types.join(","), Feature::Types, "use --filter type=…")
+        }
+        Options { dataset: Some(dataset), .. } if !format.has(Feature::Datasets) => {
+            refuse("dataset", dataset, Feature::Datasets, "leave it out")
         }
         _ => Ok(()),
     }

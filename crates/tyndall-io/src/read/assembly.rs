@@ -84,18 +84,15 @@ fn chosen(assemblies: &[Assembly], wanted: &str) -> Result<Vec<Group>> {
 pub(super) fn apply(columns: Columns, assemblies: &[Assembly], wanted: &str, chain: &str) -> Result<Columns> {
     let groups = chosen(assemblies, wanted)?;
     let chains = columns.attributes.iter().find(|it| it.name == chain).map(|it| &it.values);
-    let is_member = |group: &Group, id: usize| match chains {
+    let ids = 0..columns.positions.len() as u32;
+    let members_of = |group: &Group| match chains {
         Some(Values::Text { codes, names }) if !group.chains.is_empty() => {
-            group.chains.contains(&names[codes[id] as usize])
+            let is_named: Vec<bool> = names.iter().map(|it| group.chains.contains(it)).collect();
+            ids.clone().filter(|&id| is_named[codes[id as usize] as usize]).collect()
         }
-        _ => true,
+        _ => ids.clone().collect(),
     };
-    let members: Vec<Vec<u32>> = groups
-        .iter()
-        .map(|group| {
-            (0..columns.positions.len()).filter(|&id| is_member(group, id)).map(|id| id as u32).collect()
-        })
-        .collect();
+    let members: Vec<Vec<u32>> = groups.iter().map(members_of).collect();
     let total: usize =
         groups.iter().zip(&members).map(|(group, ids)| group.operators.len() * ids.len()).sum();
     if total >= u32::MAX as usize {

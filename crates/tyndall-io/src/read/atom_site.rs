@@ -19,7 +19,7 @@ use crate::sequence::Frame;
 pub(super) const CATEGORIES: [&str; 5] =
     ["cell", "symmetry", "space_group", "pdbx_struct_assembly_gen", "pdbx_struct_oper_list"];
 /// An assembly of more operators than this is a mistake, or an attack.
-const MOST_OPERATORS: usize = 1 << 16;
+pub(super) const MOST_OPERATORS: usize = 1 << 16;
 
 /// What a column has.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -188,6 +188,10 @@ impl AtomSite {
         };
         let [x, y, z] = [axis(0)?, axis(1)?, axis(2)?];
         let count = x.len();
+        if y.len() != count || z.len() != count {
+            let what = "Cartn_x, Cartn_y and Cartn_z have different numbers of values";
+            return Err(Error::format(path, "_atom_site", what, "download or write the file again"));
+        }
         let position = |id: usize| DVec3::new(x[id], y[id], z[id]);
         let positions = records::positions(count, None, position);
 
@@ -301,12 +305,14 @@ impl Document {
             ids.iter().enumerate().filter_map(|(row, id)| Some((id.as_str(), operator(row)?))).collect();
         let generators = "pdbx_struct_assembly_gen";
         let mut assemblies: Vec<Assembly> = Vec::new();
+        let mut left = MOST_OPERATORS;
         let columns =
             self.column(generators, "oper_expression").iter().zip(self.column(generators, "asym_id_list"));
         for (name, (expression, chains)) in self.column(generators, "assembly_id").iter().zip(columns) {
             let chains =
                 chains.split(',').map(|it| it.trim().to_string()).filter(|it| !it.is_empty()).collect();
-            let Some(operators) = expand(expression, &operators) else { continue };
+            let Some(operators) = expand(expression, &operators, left) else { continue };
+            left -= operators.len();
             let group = Group { chains, operators };
             match assemblies.iter_mut().find(|it| it.name == *name) {
                 Some(assembly) => assembly.groups.push(group),
@@ -317,13 +323,17 @@ impl Document {
     }
 }
 
-/// The operators of an expression: `1,3-5`, or products of such lists, `(X0)(1-60)`: the right one first. `None` if it cannot be understood.
-fn expand(expression: &str, known: &HashMap<&str, Operator>) -> Option<Vec<Operator>> {
+/// The operators of an expression: `1,3-5`, or products of such lists, `(X0)(1-60)`: the right one first. `None` if it cannot be understood,
+/// or has more than `most` operators.
+fn expand(expression: &str, known: &HashMap<&str, Operator>, most: usize) -> Option<Vec<Operator>> {
     let lists = expression.split(['(', ')']).map(str::trim).filter(|it| !it.is_empty());
     let mut product = vec![Operator::IDENTITY];
     for list in lists {
         let mut factors = Vec::new();
         for item in list.split(',').map(str::trim) {
+            if factors.len() > most {
+                return None;
+            }
             if let Some(operator) = known.get(item) {
                 factors.push(*operator);
                 continue;
@@ -337,7 +347,7 @@ fn expand(expression: &str, known: &HashMap<&str, Operator>) -> Option<Vec<Opera
                 factors.push(*known.get(number.to_string().as_str())?);
             }
         }
-        if product.len() * factors.len() > MOST_OPERATORS {
+        if product.len() * factors.len() > most {
             return None;
         }
         product = product.iter().flat_map(|left| factors.iter().map(|right| left.after(right))).collect();
@@ -356,7 +366,7 @@ mod tests {
         let known: HashMap<&str, Operator> =
             [("1", shift(1.0)), ("2", shift(2.0)), ("3", shift(3.0)), ("P", turn)].into_iter().collect();
         let shifts = |expression: &str| -> Option<Vec<f64>> {
-            Some(expand(expression, &known)?.iter().map(|it| it.shift.x).collect())
+            Some(expand(expression, &known, MOST_OPERATORS)?.iter().map(|it| it.shift.x).collect())
         };
         assert_eq!(shifts("1"), Some(vec![1.0]));
         assert_eq!(shifts("1,3"), Some(vec![1.0, 3.0]));

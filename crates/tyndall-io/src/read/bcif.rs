@@ -12,7 +12,7 @@ use tyndall::{Error, Progress, Result};
 
 use self::encoding::Column;
 use self::message::Value;
-use super::atom_site::{AtomSite, CATEGORIES, Data, Document, Kind, kind};
+use super::atom_site::{AtomSite, CATEGORIES, Data, Document, Kind, MOST_OPERATORS, kind};
 use super::column::Words;
 use super::{Index, Request, Span};
 use crate::sequence::{Frame, Options};
@@ -201,7 +201,7 @@ pub(crate) fn frame(
         for column in category.columns {
             let Some(name) = column.get("name").and_then(Value::text) else { continue };
             if let Some((values, mask)) = category.column(name)? {
-                for row in 0..category.rows {
+                for row in 0..category.rows.min(MOST_OPERATORS) {
                     let text = Category::text(&values, &mask, row);
                     document.push(category.name, name, text.as_deref().map(str::as_bytes));
                 }
@@ -210,6 +210,10 @@ pub(crate) fn frame(
     }
     let atoms = atoms(&categories);
     let rows = span.offset as usize..(span.offset + span.bytes.unwrap_or_default()) as usize;
+    if rows.end > atoms.rows {
+        let what = "the model is not there any more";
+        return Err(Error::format(path, "atom_site", what, "was the file changed?"));
+    }
     let mut sites = AtomSite::new(&[]);
     for column in atoms.columns {
         if progress.cancelled() {

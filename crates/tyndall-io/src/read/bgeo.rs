@@ -17,6 +17,10 @@ use crate::sequence::Frame;
 
 const HINT: &str = "if the file is not cut off, write it again as .bhclassic, which is version 5, with numbers and indexed strings only";
 
+/// What is said of points whose fourth coordinate is not 1.
+pub(super) const WEIGHTS_ARE_KEPT: &str =
+    "the fourth coordinate is not 1 everywhere: kept as attribute Pw, positions not divided by it";
+
 /// Whether the file begins like a classic BGEO.
 pub(crate) fn recognise(head: &[u8]) -> bool {
     head.starts_with(b"BgeoV")
@@ -50,10 +54,7 @@ pub(crate) fn read(path: &Path, bytes: &[u8], progress: &dyn Progress) -> Result
     let mut conventions = Vec::new();
     let weights = source(Kind::F32, 3);
     if (0..header.points as usize).into_par_iter().any(|id| weights.number(id) != 1.0) {
-        conventions.push(
-            "the fourth coordinate is not 1 everywhere: kept as attribute Pw, positions not divided by it"
-                .into(),
-        );
+        conventions.push(WEIGHTS_ARE_KEPT.into());
         fields.push(Field { name: "Pw".into(), components: 1, source: weights });
     }
 
@@ -66,7 +67,7 @@ pub(crate) fn read(path: &Path, bytes: &[u8], progress: &dyn Progress) -> Result
             spell_out(attribute, names);
         }
     }
-    records::frame(columns, conventions, header.left_out())
+    records::frame(columns, conventions, left_out(header.primitives.into(), header.other_attributes))
 }
 
 /// The counts at the beginning of the file that matter here.
@@ -92,17 +93,16 @@ impl Header {
         let other_attributes = [vertex, primitive, detail].map(u64::from).iter().sum();
         Ok(Self { points, primitives, point_attributes, other_attributes })
     }
+}
 
-    /// What of the file is not shown.
-    fn left_out(&self) -> Vec<String> {
-        if self.primitives == 0 && self.other_attributes == 0 {
-            return vec![];
-        }
-        vec![format!(
-            "left out: {} primitives and {} attributes of vertices, primitives or the whole; only points are particles",
-            self.primitives, self.other_attributes
-        )]
+/// What of a geometry is not shown.
+pub(super) fn left_out(primitives: u64, other_attributes: u64) -> Vec<String> {
+    if primitives == 0 && other_attributes == 0 {
+        return vec![];
     }
+    vec![format!(
+        "left out: {primitives} primitives and {other_attributes} attributes of vertices, primitives or the whole; only points are particles"
+    )]
 }
 
 /// A point attribute: what stands in the file once.

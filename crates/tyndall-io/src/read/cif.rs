@@ -203,9 +203,9 @@ pub(crate) fn frame(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::read::real_data;
+    use crate::read::real_data::{self, words};
+    use tyndall::DVec3;
     use tyndall::particles::Values;
-    use tyndall::{DVec3, Particles};
 
     const SMALL: &str = "# made up\ndata_test\n_entry.id test\n_cell.length_a 10\n_cell.length_b 20.0(3)\n_cell.length_c 30\n\
         _cell.angle_alpha 90\n_cell.angle_beta 90\n_cell.angle_gamma 90\n_struct.title\n;a title\n_atom_site.id 7\n;\n\
@@ -225,13 +225,6 @@ mod tests {
     fn read(text: &str, assembly: Option<&str>) -> Result<Vec<Frame>> {
         let options = Options { assembly: assembly.map(str::to_string), ..Options::default() };
         real_data::frames(&real_data::recognised(SMALL.as_bytes()).open, text.as_bytes(), &options)
-    }
-
-    fn words(particles: &Particles, name: &str) -> String {
-        let Values::Text { codes, names } = &particles.attribute(name).unwrap().values else {
-            panic!("{name}")
-        };
-        codes.iter().map(|&code| names[code as usize].as_str()).collect::<Vec<_>>().join(" ")
     }
 
     #[test]

@@ -148,9 +148,10 @@ impl Header {
         let style = self.style;
         let cell = if self.has_cell { Some(style.sized(cursor, 48, "the cell")?) } else { None };
         let bytes = 4 * if is_first { self.count } else { self.moving() };
-        let axes = ["x", "y", "z"].map(|what| style.sized(cursor, bytes, what));
-        let [x, y, z] = axes;
-        let axes = [x?, y?, z?];
+        let mut axes = [0; 3];
+        for (axis, what) in axes.iter_mut().zip(["x", "y", "z"]) {
+            *axis = style.sized(cursor, bytes, what)?;
+        }
         if self.has_fourth {
             style.record(cursor)?;
         }

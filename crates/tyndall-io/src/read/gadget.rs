@@ -246,7 +246,9 @@ impl<'a> File<'a> {
         let mut file = Self { bytes, order, named, header, blocks: Vec::new(), warnings };
         file.name_blocks(records.into_iter().skip(1).collect());
         let all = file.header.covered(Cover::All);
-        if all > 0 && file.block("pos").is_none() {
+        let has_positions =
+            file.block("pos").is_some_and(|block| (block.components, block.cover) == (3, Cover::All));
+        if all > 0 && !has_positions {
             let what = format!("the header promises {all} particles, but no block has their positions");
             return Err(Error::format(path, "", what, HINT));
         }
@@ -398,9 +400,9 @@ pub(crate) fn frame(
         .iter()
         .flat_map(|file| (0..6).filter(|&kind| chosen(file, kind)).map(move |kind| (file, kind)))
         .collect();
-    let promised = |kind: &usize| files.iter().any(|file| file.header.counts[*kind] > 0);
+    let is_present = |kind: &usize| files.iter().any(|file| file.header.counts[*kind] > 0);
     if runs.is_empty() && request.options.types.is_some() {
-        let present: Vec<&str> = (0..6).filter(promised).map(|kind| GADGET_TYPES[kind][0]).collect();
+        let present: Vec<&str> = (0..6).filter(is_present).map(|kind| GADGET_TYPES[kind][0]).collect();
         return Err(snapshot::none_wanted(request.options, &present));
     }
     let mut columns: Vec<Column> = Vec::new();

@@ -8,7 +8,7 @@ use std::path::Path;
 
 use tyndall::{Columns, Error, Progress, Result};
 
-use super::bgeo::spell_out;
+use super::bgeo::{WEIGHTS_ARE_KEPT, left_out, spell_out};
 use super::column::{Kind, Separator};
 use super::feed::Feed;
 use super::finish;
@@ -32,13 +32,19 @@ pub(crate) fn read(path: &Path, bytes: &[u8], progress: &dyn Progress) -> Result
         return Err(words.fault(format!("PGEOMETRY V5 was wanted, '{}' was found", magic.join(" "))));
     }
     let counts = Counts::read(&mut words)?;
-    let definitions = match counts.point_attributes {
+    let mut definitions = match counts.point_attributes {
         0 => vec![],
         _ => {
             words.expect("PointAttrib")?;
             (0..counts.point_attributes).map(|_| Definition::read(&mut words)).collect::<Result<Vec<_>>>()?
         }
     };
+    // What has no components has no values.
+    definitions.retain(|it: &Definition| it.components > 0);
+    let values = 4 + definitions.iter().map(|it| it.components).sum::<usize>();
+    if values > MOST_VALUES {
+        return Err(words.fault(format!("{values} values a point")));
+    }
     let mut roles: Vec<Role> = (0..3).map(Role::Axis).collect();
     let mut headings = vec![Heading::scalar("Pw", Kind::Float)];
     roles.push(Role::Attribute(0));
@@ -46,9 +52,6 @@ pub(crate) fn read(path: &Path, bytes: &[u8], progress: &dyn Progress) -> Result
         roles.extend((0..definition.components).map(|_| Role::Attribute(headings.len())));
         let Definition { name, components, kind, .. } = definition;
         headings.push(Heading { name: name.clone(), components: *components, kind: *kind, unit: None });
-    }
-    if roles.len() > MOST_VALUES {
-        return Err(words.fault(format!("{} values a point", roles.len())));
     }
 
     // From here on parentheses mean no more than blanks.
@@ -61,28 +64,24 @@ pub(crate) fn read(path: &Path, bytes: &[u8], progress: &dyn Progress) -> Result
     let lines = memchr::memchr_iter(b'\n', &text[..start]).count() as u64;
     feed.skip_lines(lines)?;
     let layout =
-        Layout { separator: Separator::BLANKS, roles, headings, scaled: None, gaps: true, origin: None };
+        Layout { separator: Separator::BLANKS, roles, headings, scaled: None, gaps: false, origin: None };
     let rows =
         rows::read(&mut feed, &layout, Some(counts.points), Some((bytes.len() - start) as u64), progress)?;
 
     let mut attributes = rows.attributes;
     let weights = attributes.remove(0);
-    let kept = definitions.into_iter().filter(|it| it.components > 0);
-    for (attribute, definition) in attributes.iter_mut().zip(kept) {
+    for (attribute, definition) in attributes.iter_mut().zip(definitions) {
         if let Some(names) = definition.names {
             spell_out(attribute, names);
         }
     }
     let mut conventions = Vec::new();
     if (0..rows.positions.len()).any(|id| weights.number(id, 0) != 1.0) {
-        conventions.push(
-            "the fourth coordinate is not 1 everywhere: kept as attribute Pw, positions not divided by it"
-                .into(),
-        );
+        conventions.push(WEIGHTS_ARE_KEPT.into());
         attributes.push(weights);
     }
     let columns = Columns { positions: rows.positions, attributes, ..Columns::default() };
-    finish(columns, conventions, counts.left_out())
+    finish(columns, conventions, left_out(counts.primitives, counts.other_attributes))
 }
 
 /// The counts at the beginning that matter here.
@@ -104,25 +103,16 @@ impl Counts {
                 "NPoints" => counts.points = number,
                 "NPrims" => counts.primitives = number,
                 "NPointAttrib" => counts.point_attributes = number,
-                "NVertexAttrib" | "NPrimAttrib" => counts.other_attributes += number,
+                "NVertexAttrib" | "NPrimAttrib" => {
+                    counts.other_attributes = counts.other_attributes.saturating_add(number)
+                }
                 "NAttrib" => {
-                    counts.other_attributes += number;
+                    counts.other_attributes = counts.other_attributes.saturating_add(number);
                     return Ok(counts);
                 }
                 _ => {}
             }
         }
-    }
-
-    /// What of the file is not shown.
-    fn left_out(&self) -> Vec<String> {
-        if self.primitives == 0 && self.other_attributes == 0 {
-            return vec![];
-        }
-        vec![format!(
-            "left out: {} primitives and {} attributes of vertices, primitives or the whole; only points are particles",
-            self.primitives, self.other_attributes
-        )]
     }
 }
 

@@ -171,7 +171,7 @@ impl Part {
             part.residues.push(row.residue);
             part.names.push(row.name);
             part.numbers.push(number(row.number));
-            part.velocities.extend(row.velocity.into_iter().flatten().map(|it| it as f32));
+            part.velocities.extend(row.velocity.unwrap_or([f64::NAN; 3]).map(|it| it as f32));
         }
         Ok(part)
     }
@@ -245,7 +245,7 @@ pub(crate) fn frame(feed: &mut Feed, request: &Request, progress: &dyn Progress)
         Attribute::new("name", 1, Column::Text(all.names).into_values()),
         Attribute::new("id", 1, molecules::counted_on(&all.numbers, LARGEST, 1)),
     ];
-    if count > 0 && all.velocities.len() as u64 == 3 * count {
+    if all.velocities.iter().any(|it| it.is_finite()) {
         let mut velocity = Attribute::new("velocity", 3, tyndall::Values::F32(all.velocities));
         velocity.unit = Some("nm/ps".to_string());
         attributes.push(velocity);

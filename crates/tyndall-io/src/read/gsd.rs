@@ -22,7 +22,7 @@ const HINT: &str = "check it with gsd read, and copy or write it again";
 /// The size of an entry of the index, and of the room for a name.
 const ENTRY_BYTES: usize = 32;
 const NAME_BYTES: u64 = 64;
-/// The columns that are read, but positions: chunk, attribute, columns. `None` for those whose name is the chunk's.
+/// The columns that are read, but positions: chunk, attribute, columns.
 const WANTED: [(&str, &str, usize); 10] = [
     ("particles/typeid", "typeid", 1),
     ("particles/mass", "mass", 1),
@@ -217,7 +217,7 @@ impl<'a> Chunks<'_, 'a> {
 
     /// The chunk with so many rows: that of the frame, else that of the first if it has as many.
     fn of_particles(&self, name: &str, count: u64, columns: u64) -> Result<Option<Entry>> {
-        let fits = |it: &Entry| it.rows == count && (it.columns == columns || columns == 0);
+        let fits = |it: &Entry| it.rows == count && it.columns == columns;
         if let Some(entry) = self.find(&self.own, name) {
             if !fits(&entry) || entry.kind.is_none() {
                 let what = format!(

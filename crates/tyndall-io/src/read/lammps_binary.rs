@@ -127,7 +127,10 @@ impl Header {
                 let what = format!("a chunk of {size} values has no whole number of atoms of {}", self.size);
                 return Err(cursor.fault(what));
             }
-            chunks.push((cursor.place(), size as usize / self.size as usize));
+            // Processors without atoms write empty chunks.
+            if size > 0 {
+                chunks.push((cursor.place(), size as usize / self.size as usize));
+            }
             cursor.skip(8 * size as u64, "a chunk")?;
             values += i64::from(size);
         }

@@ -108,7 +108,7 @@ impl Samples {
             return Ok((Self { spacing: [least; 3], ..self }, None));
         }
         let length = |axis: usize| (self.size[axis] - 1) as f64 * self.spacing[axis] / least;
-        let size = [0, 1, 2].map(|axis| (length(axis) + 1e-6).floor() as usize + 1);
+        let size = [0, 1, 2].map(|axis| ((length(axis) + 1e-6).floor() as usize).saturating_add(1));
         let too_large = || {
             let what =
                 format!("samples {:?} apart would become {size:?} samples {least} apart", self.spacing);

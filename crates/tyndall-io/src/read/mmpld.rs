@@ -89,7 +89,8 @@ pub(crate) fn frame(
     if left > 0 {
         warnings.push(format!("left out: {left} bytes behind the lists of frame {}", span.line));
     }
-    let empty: u64 = lists.iter().filter(|it| it.vertex == Vertex::None).map(|it| it.count as u64).sum();
+    let empty = lists.iter().filter(|it| it.vertex == Vertex::None);
+    let empty = empty.fold(0u64, |sum, it| sum.saturating_add(it.count as u64));
     if empty > 0 {
         warnings.push(format!("left out: {empty} particles of lists without positions"));
     }

@@ -85,14 +85,41 @@ pub(crate) struct Format {
     pub(crate) title: &'static str,
     /// Whether a file that begins with `head` has this format. `path` only breaks ties.
     pub(crate) recognise: fn(head: &[u8], path: &Path) -> bool,
+    /// What it has that others do not have.
+    pub(crate) features: &'static [Feature],
     /// How it is read.
     pub(crate) open: Open,
 }
 
+/// What only some formats have.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Feature {
+    /// Types of particles, of which [`Options::types`] chooses some.
+    Types,
+    /// Biological assemblies, which [`Options::assembly`] names.
+    Assemblies,
+    /// Data sets, of which [`Options::dataset`] names that of the positions.
+    Datasets,
+    /// Where particles are, but not what they are.
+    CoordinatesOnly,
+    /// Arrays of positions that can be read in parts.
+    Parts,
+}
+
 impl Format {
-    /// Whether [`Options::types`] chooses among its particles.
-    pub(crate) fn has_types(&self) -> bool {
-        ["gadget", "tipsy", "hdf5"].contains(&self.names[0])
+    pub(crate) fn has(&self, feature: Feature) -> bool {
+        self.features.contains(&feature)
+    }
+}
+
+impl Feature {
+    /// The formats that have it, for messages.
+    pub(crate) fn formats(self) -> String {
+        let titles: Vec<&str> = FORMATS.iter().filter(|it| it.has(self)).map(|it| it.title).collect();
+        match titles.split_last() {
+            Some((last, others)) if !others.is_empty() => format!("{} and {last}", others.join(", ")),
+            _ => titles.concat(),
+        }
     }
 }
 
@@ -174,162 +201,174 @@ impl Request<'_> {
     }
 }
 
-impl Format {
-    /// Whether its files tell where particles are, but not what they are.
-    pub(crate) fn has_coordinates_only(&self) -> bool {
-        ["xtc", "trr", "dcd", "amber"].contains(&self.names[0])
-    }
-
-    /// Whether its files tell of biological assemblies.
-    pub(crate) fn has_assemblies(&self) -> bool {
-        ["pdb", "cif", "bcif"].contains(&self.names[0])
-    }
-}
-
 /// All formats, the surest to recognise first.
 pub(crate) const FORMATS: &[Format] = &[
     Format {
         names: &["lammps", "dump", "lammpstrj"],
         title: "LAMMPS dump",
         recognise: |head, _| lammps::recognise(head),
+        features: &[],
         open: Open::Text { index: lammps::index, frame: lammps::frame },
     },
     Format {
         names: &["lammps-binary"],
         title: "LAMMPS binary dump",
         recognise: |head, _| lammps_binary::recognise(head),
+        features: &[],
         open: Open::Binary { index: lammps_binary::index, frame: lammps_binary::frame },
     },
     Format {
         names: &["lammps-data"],
         title: "LAMMPS data",
         recognise: |head, _| lammps_data::recognise(head),
+        features: &[],
         open: Open::Text { index: lammps_data::index, frame: lammps_data::frame },
     },
     Format {
         names: &["xyz", "extxyz"],
         title: "XYZ",
         recognise: |head, _| xyz::recognise(head),
+        features: &[],
         open: Open::Text { index: xyz::index, frame: xyz::frame },
     },
     Format {
         names: &["gro"],
         title: "GROMACS GRO",
         recognise: |head, _| gro::recognise(head),
+        features: &[],
         open: Open::Text { index: gro::index, frame: gro::frame },
     },
     Format {
         names: &["xtc"],
         title: "GROMACS XTC",
         recognise: |head, _| xtc::recognise(head),
+        features: &[Feature::CoordinatesOnly],
         open: Open::Binary { index: xtc::index, frame: xtc::frame },
     },
     Format {
         names: &["trr"],
         title: "GROMACS TRR",
         recognise: |head, _| trr::recognise(head),
+        features: &[Feature::CoordinatesOnly],
         open: Open::Binary { index: trr::index, frame: trr::frame },
     },
     Format {
         names: &["dcd"],
         title: "DCD",
         recognise: |head, _| dcd::recognise(head),
+        features: &[Feature::CoordinatesOnly],
         open: Open::Binary { index: dcd::index, frame: dcd::frame },
     },
     Format {
         names: &["amber", "netcdf", "nc"],
         title: "AMBER NetCDF",
         recognise: |head, _| amber::recognise(head),
+        features: &[Feature::CoordinatesOnly],
         open: Open::Binary { index: amber::index, frame: amber::frame },
     },
     Format {
         names: &["pdb"],
         title: "PDB",
         recognise: |head, _| pdb::recognise(head),
+        features: &[Feature::Assemblies],
         open: Open::Binary { index: pdb::index, frame: pdb::frame },
     },
     Format {
         names: &["cif", "mmcif"],
         title: "mmCIF",
         recognise: |head, _| cif::recognise(head),
+        features: &[Feature::Assemblies],
         open: Open::Binary { index: cif::index, frame: cif::frame },
     },
     Format {
         names: &["bcif"],
         title: "BinaryCIF",
         recognise: |head, _| bcif::recognise(head),
+        features: &[Feature::Assemblies],
         open: Open::Binary { index: bcif::index, frame: bcif::frame },
     },
     Format {
         names: &["gsd"],
         title: "GSD",
         recognise: |head, _| gsd::recognise(head),
+        features: &[],
         open: Open::Binary { index: gsd::index, frame: gsd::frame },
     },
     Format {
         names: &["ply"],
         title: "PLY",
         recognise: |head, _| ply::recognise(head),
+        features: &[],
         open: Open::Whole(ply::read),
     },
     Format {
         names: &["npy", "npz", "numpy"],
         title: "NumPy",
         recognise: |head, _| npy::recognise(head),
+        features: &[Feature::Parts],
         open: Open::Whole(npy::read),
     },
     Format {
         names: &["bgeo"],
         title: "BGEO (classic)",
         recognise: |head, _| bgeo::recognise(head),
+        features: &[],
         open: Open::Whole(bgeo::read),
     },
     Format {
         names: &["geo"],
         title: "Houdini GEO",
         recognise: |head, _| geo::recognise(head),
+        features: &[],
         open: Open::Whole(geo::read),
     },
     Format {
         names: &["prt"],
         title: "Krakatoa PRT",
         recognise: |head, _| prt::recognise(head),
+        features: &[],
         open: Open::Binary { index: prt::index, frame: prt::frame },
     },
     Format {
         names: &["ptc"],
         title: "PTC",
         recognise: |head, _| ptc::recognise(head),
+        features: &[],
         open: Open::Whole(ptc::read),
     },
     Format {
         names: &["pda"],
         title: "Maya PDA",
         recognise: |head, _| pda::recognise(head),
+        features: &[],
         open: Open::Text { index: pda::index, frame: pda::frame },
     },
     Format {
         names: &["mmpld"],
         title: "MegaMol MMPLD",
         recognise: |head, _| mmpld::recognise(head),
+        features: &[],
         open: Open::Binary { index: mmpld::index, frame: mmpld::frame },
     },
     Format {
         names: &["vtk", "vtp", "vtu", "pvtp", "pvtu", "pvd", "series"],
         title: "VTK",
         recognise: |head, _| vtk::recognise(head),
+        features: &[],
         open: Open::Binary { index: vtk::index, frame: vtk::frame },
     },
     Format {
         names: &["gadget", "gadget1", "gadget2"],
         title: "Gadget",
         recognise: |head, _| gadget::recognise(head),
+        features: &[Feature::Types],
         open: Open::Binary { index: gadget::index, frame: gadget::frame },
     },
     Format {
         names: &["tipsy"],
         title: "TIPSY",
         recognise: |head, _| tipsy::recognise(head),
+        features: &[Feature::Types],
         open: Open::Binary { index: tipsy::index, frame: tipsy::frame },
     },
     #[cfg(feature = "hdf5")]
@@ -337,36 +376,42 @@ pub(crate) const FORMATS: &[Format] = &[
         names: &["hdf5", "h5", "h5md", "openpmd"],
         title: "HDF5",
         recognise: |head, _| hdf5::recognise(head),
+        features: &[Feature::Types, Feature::Datasets],
         open: Open::Binary { index: hdf5::index, frame: hdf5::frame },
     },
     Format {
         names: &["las", "laz"],
         title: "LAS",
         recognise: |head, _| las::recognise(head),
+        features: &[],
         open: Open::Whole(las::read),
     },
     Format {
         names: &["e57"],
         title: "E57",
         recognise: |head, _| e57::recognise(head),
+        features: &[],
         open: Open::Whole(e57::read),
     },
     Format {
         names: &["pcd"],
         title: "PCD",
         recognise: |head, _| pcd::recognise(head),
+        features: &[],
         open: Open::Whole(pcd::read),
     },
     Format {
         names: &["pts"],
         title: "PTS",
         recognise: |head, _| pts::recognise(head),
+        features: &[],
         open: Open::Text { index: pts::index, frame: pts::frame },
     },
     Format {
         names: &["csv", "tsv", "table", "txt"],
         title: "table",
         recognise: table::recognise,
+        features: &[],
         open: Open::Text { index: table::index, frame: table::frame },
     },
 ];

@@ -236,7 +236,9 @@ pub(crate) fn frame(
 ) -> Result<Frame> {
     progress.begin("read", span.bytes, "B");
     let start = span.offset as usize;
-    let text = &bytes[start..start + span.bytes.unwrap_or_default() as usize];
+    let text = bytes.get(start..start + span.bytes.unwrap_or_default() as usize);
+    let text = text
+        .ok_or_else(|| Error::format(path, "", "the model is not there any more", "was the file changed?"))?;
     let slices = rows::slices(text);
     let read = |slice: &&[u8]| {
         progress.advance(slice.len() as u64);
@@ -386,8 +388,7 @@ fn assemblies<'a>(lines: impl Iterator<Item = &'a [u8]>) -> Vec<Assembly> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::read::real_data;
-    use tyndall::Particles;
+    use crate::read::real_data::{self, words};
 
     const REMARKS: &str = "REMARK 350 BIOMOLECULE: 1\nREMARK 350 APPLY THE FOLLOWING TO CHAINS: A\n\
         REMARK 350   BIOMT1   1  1.000000  0.000000  0.000000        0.00000\n\
@@ -409,13 +410,6 @@ mod tests {
     fn read(text: &str, assembly: Option<&str>) -> Result<Vec<Frame>> {
         let options = Options { assembly: assembly.map(str::to_string), ..Options::default() };
         real_data::frames(&real_data::recognised(ATOMS.as_bytes()).open, text.as_bytes(), &options)
-    }
-
-    fn words(particles: &Particles, name: &str) -> String {
-        let Values::Text { codes, names } = &particles.attribute(name).unwrap().values else {
-            panic!("{name}")
-        };
-        codes.iter().map(|&code| names[code as usize].as_str()).collect::<Vec<_>>().join(" ")
     }
 
     #[test]

@@ -176,3 +176,9 @@ fn damage_at(file: &[u8], lengths: impl IntoIterator<Item = usize>, copies: u64,
         attempt(format!("seed {seed}"), &damaged);
     }
 }
+
+/// The words of an attribute, with blanks between.
+pub(crate) fn words(particles: &Particles, name: &str) -> String {
+    let Values::Text { codes, names } = &particles.attribute(name).unwrap().values else { panic!("{name}") };
+    codes.iter().map(|&code| names[code as usize].as_str()).collect::<Vec<_>>().join(" ")
+}

@@ -96,20 +96,21 @@ pub(crate) fn read(
                 part
             };
             let parts: Vec<_> = slices.par_iter().map(parse).collect();
-            let mut line = block.first_line;
+            let (mut line, mut rows) = (block.first_line, 0);
             for (part, slice) in parts.into_iter().zip(slices) {
                 let part = part.map_err(|stop| stop.at(&path, line))?;
                 line += part.lines;
                 debug_assert_eq!(part.lines, part_lines(slice));
                 positions.extend(&part.positions);
+                rows += part.positions.len() as u64;
                 for (column, more) in columns.iter_mut().zip(part.columns) {
                     column.append(more);
                 }
             }
-            Ok(block.lines)
+            Ok(rows)
         })?;
-        let Some(lines) = parsed else { break };
-        left -= lines;
+        let Some(rows) = parsed else { break };
+        left -= rows;
     }
     if let Some(count) = count.filter(|_| left > 0) {
         let what = format!("the file ends after {} of {count} particles", count - left);
@@ -377,6 +378,14 @@ mod tests {
             let wanted = DVec3::new(k as f64 + 0.5, k as f64 * -1e-3, 2.0 * k as f64);
             assert!(rows.positions.world(k).abs_diff_eq(wanted, 1e-2), "row {k}");
         }
+    }
+
+    #[test]
+    fn gaps_do_not_count_as_rows() {
+        let layout = Layout { gaps: true, ..layout(Separator::BLANKS) };
+        let text = "1 2 3 4\n\n# more\n2 2 3 4\n3 2 3 4\n4 0 0 0\n";
+        assert_eq!(rows(text, Some(3), &layout).unwrap().positions.len(), 3);
+        assert!(rows(text, Some(5), &layout).err().unwrap().to_string().contains("after 4 of 5 particles"));
     }
 
     #[test]

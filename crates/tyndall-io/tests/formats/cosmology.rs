@@ -201,6 +201,10 @@ fn types_are_only_chosen_where_there_are_some() {
     let options = Options { types: Some(vec!["gas".into()]), ..Options::default() };
     let message = Sequence::open(&[path], &options, &()).err().unwrap().to_string();
     assert!(message.contains("a.xyz") && message.contains("--filter"), "{message}");
+    let path = folder.file("a.xyz", b"1\n\nO 0 0 0\n");
+    let options = Options { dataset: Some("x".into()), ..Options::default() };
+    let message = Sequence::open(&[path], &options, &()).err().unwrap().to_string();
+    assert!(message.contains("only for HDF5, a.xyz is of the format XYZ"), "{message}");
 }
 
 #[test]

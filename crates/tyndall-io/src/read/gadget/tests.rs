@@ -220,6 +220,14 @@ fn what_is_missing_is_an_error() {
     let empty = Writer::new([5, 0, 0, 0, 0, 0]).bytes();
     let message = read(&empty).unwrap_err().to_string();
     assert!(message.contains("promises 5 particles, but no block has their positions"), "{message}");
+    // Positions of the first type alone, or one number a particle.
+    for counts in [[10, 7, 0, 0, 0, 0], [10, 5, 0, 0, 0, 0]] {
+        let mut writer = Writer::new(counts);
+        writer.named = true;
+        writer.floats("POS", (0..30).map(|it| it as f32));
+        let message = read(&writer.bytes()).unwrap_err().to_string();
+        assert!(message.contains("no block has their positions"), "{message}");
+    }
 }
 
 #[test]

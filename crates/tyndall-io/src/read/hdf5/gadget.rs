@@ -97,6 +97,14 @@ fn files(tree: &Tree, options: &Options) -> Result<(Vec<PathBuf>, Option<String>
     if header.number("Virtual") == Some(1.0) {
         let stem = tree.path().file_stem().unwrap_or_default().to_string_lossy().into_owned();
         let first = tree.path().with_file_name(format!("{stem}.0.hdf5"));
+        // The file itself counts as the only one; its parts know how many they are.
+        let count = match first.exists() {
+            true => {
+                let content = content::content(&first)?;
+                file_count(&self::header(&Tree::open(&first, content.as_ref())?)?)
+            }
+            false => count,
+        };
         let (files, warning) = snapshot::files(&first, count, options.strict)?;
         let there: Vec<PathBuf> = files.into_iter().filter(|it| it.exists()).collect();
         if there.is_empty() {

@@ -52,6 +52,9 @@ impl<'a> Element<'a> {
 /// The steps or times of a series of `rows` rows: a number each, or an increment from an offset.
 fn steps(series: &Group, name: &str, rows: u64) -> Result<Option<Vec<f64>>> {
     let Some(data) = series.dataset(name)?.filter(|it| it.is_number()) else { return Ok(None) };
+    if rows > data.file_bytes() {
+        return Ok(None);
+    }
     let offset = data.attributes().number("offset").unwrap_or(0.0);
     if data.shape().is_empty() {
         let Some(increment) = data.number()? else { return Ok(None) };
@@ -94,6 +97,10 @@ pub(super) fn frames(tree: &Tree, options: &Options) -> Result<usize> {
     let (group, _) = particles(tree, options)?;
     let positions = Element::find(&group, "position")?.expect("the group was chosen for its positions");
     let rows = positions.value.shape().first().copied().unwrap_or(0);
+    if rows > tree.bytes() {
+        let what = format!("{rows} frames in a file of {} bytes", tree.bytes());
+        return Err(tree.fault("particles", what, "was the file copied to its end?"));
+    }
     Ok(if positions.series.is_some() { rows as usize } else { 1 })
 }
 

@@ -59,6 +59,10 @@ pub(crate) fn index(path: &Path, bytes: &[u8], options: &Options) -> Result<Inde
             "given for this file, which is no snapshot and has no types to choose from; use --filter";
         return Err(Error::setting("type", types.join(","), allowed));
     }
+    if let (Some(dataset), Dialect::Snapshot | Dialect::OpenPmd) = (&options.dataset, &dialect) {
+        let allowed = "given for this file, whose format says where the positions are";
+        return Err(Error::setting("dataset", dataset, allowed));
+    }
     let (frames, title, files) = match dialect {
         Dialect::Snapshot => {
             let (title, files) = gadget::index(&tree, options)?;

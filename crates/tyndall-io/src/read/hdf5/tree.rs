@@ -280,6 +280,11 @@ impl Data {
         number_kind(self.dataset.dtype()).is_some()
     }
 
+    /// Bytes of the file, unpacked: more rows than these it cannot hold.
+    pub(super) fn file_bytes(&self) -> u64 {
+        self.file_bytes
+    }
+
     /// Its attributes.
     pub(super) fn attributes(&self) -> Attributes {
         Attributes(self.dataset.attributes())

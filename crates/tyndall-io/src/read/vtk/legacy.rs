@@ -94,7 +94,7 @@ pub(super) fn image<'a>(path: &'a Path, bytes: &'a [u8]) -> Result<Image<'a>> {
     }
     let mut file = File::new(path, bytes, &header);
     while file.section()? {}
-    let extent = file.size.map(|size| [0, size as i64 - 1]);
+    let extent = file.size.map(|size| [0, i64::try_from(size).unwrap_or(i64::MAX) - 1]);
     let block = Block { extent, points: file.attributes, cells: file.cell_attributes };
     Ok(Image { extent, origin: file.origin, spacing: file.spacing, blocks: vec![block] })
 }
@@ -179,7 +179,7 @@ impl<'a> File<'a> {
                 }
                 // What the cells of a grid are is said by CELL_TYPES.
                 if !matches!(name, b"vertices" | b"cells") {
-                    self.set.other_cells += faces;
+                    self.set.other_cells = self.set.other_cells.saturating_add(faces);
                 }
             }
             b"cell_types" => {

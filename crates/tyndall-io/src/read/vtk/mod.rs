@@ -190,7 +190,7 @@ pub(crate) fn frame(
         all.pieces.extend(set.pieces);
         all.cell_arrays.extend(set.cell_arrays);
         all.odd_arrays.extend(set.odd_arrays);
-        all.other_cells += set.other_cells;
+        all.other_cells = all.other_cells.saturating_add(set.other_cells);
         all.warnings.extend(set.warnings);
     }
     all.time = time.or(all.time);
@@ -265,13 +265,14 @@ fn source<'a>(array: &Array, bytes: &'a [u8], order: Order) -> Source<'a> {
 fn assemble(path: &Path, set: Set, progress: &dyn Progress) -> Result<Frame> {
     let mut warnings = set.left_out();
     let names = common_arrays(&set.pieces, &mut warnings);
-    let array_bytes =
-        |array: &Array, count: usize| count.saturating_mul(array.components * array.kind.size());
+    let array_bytes = |array: &Array, count: usize| {
+        count.saturating_mul(array.components).saturating_mul(array.kind.size())
+    };
     let total = set.pieces.iter().map(|piece| {
         let kept = piece.attributes.iter().filter(|it| names.contains(&it.name));
-        kept.chain([&piece.points]).map(|it| array_bytes(it, piece.count)).sum::<usize>()
+        kept.chain([&piece.points]).map(|it| array_bytes(it, piece.count)).fold(0, usize::saturating_add)
     });
-    progress.begin("read", Some(total.sum::<usize>() as u64), "B");
+    progress.begin("read", Some(total.fold(0, usize::saturating_add) as u64), "B");
 
     let gather = |name: Option<&str>| -> Result<Columns> {
         let mut decoded: Vec<(usize, &Array, Cow<[u8]>, Order)> = Vec::new();

@@ -164,7 +164,9 @@ impl<'a> Document<'a> {
             })?,
             None => count("NumberOfPoints")?,
         };
-        set.other_cells += count("NumberOfLines")? + count("NumberOfStrips")? + count("NumberOfPolys")?;
+        for cells in ["NumberOfLines", "NumberOfStrips", "NumberOfPolys"] {
+            set.other_cells = set.other_cells.saturating_add(count(cells)?);
+        }
         let cells = count("NumberOfCells")?;
         let types =
             node.child("Cells").and_then(|it| it.children.iter().find(|it| it.get("Name") == Some("types")));

@@ -89,7 +89,8 @@ def virtual():
             gas["Coordinates"] = np.arange(6, dtype="f8").reshape(2, 3) + 10 * number
     with h5py.File("virtual.hdf5", "w", libver="latest") as file:
         header = file.create_group("Header").attrs
-        swift_header(header, [4, 0], [4, 0], 2)
+        # It counts itself as the only file, as SWIFT does.
+        swift_header(header, [4, 0], [4, 0], 1)
         header["Virtual"] = np.array([1], dtype="i4")
         layout = h5py.VirtualLayout(shape=(4, 3), dtype="f8")
         for number in [0, 1]:
