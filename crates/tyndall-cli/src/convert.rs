@@ -23,6 +23,7 @@ pub(crate) fn run(args: &args::Convert, report: &Report) -> Outcome<()> {
         ));
     }
     let files: Vec<&[usize]> = if pattern.is_numbered() { chosen.chunks(1).collect() } else { vec![&chosen] };
+    let (mut written, count) = (0, files.len());
     for frames in files {
         let path = pattern.name(frames[0]);
         let is_read = path.canonicalize().is_ok_and(|place| {
@@ -48,10 +49,11 @@ pub(crate) fn run(args: &args::Convert, report: &Report) -> Outcome<()> {
             Ok(frame.particles)
         })
         .map_err(|error| match error {
-            Error::Interrupted => Failure::Interrupted("nothing written".into()),
+            Error::Interrupted => Failure::Interrupted(format!("{written} of {count} files written")),
             Error::Io { path: ref of, .. } if *of == path => Failure::Output(error),
             error => Failure::Library(error),
         })?;
+        written += 1;
         for note in notes {
             report.warn(&note);
         }

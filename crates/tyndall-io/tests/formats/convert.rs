@@ -213,6 +213,31 @@ fn what_fails_leaves_the_old_file() {
 }
 
 #[test]
+fn columns_of_one_name_are_told_apart() {
+    let folder = Folder::new("names");
+    let mut columns = Columns::default();
+    columns.positions.extend(&[DVec3::ZERO, DVec3::ONE]);
+    let words = Values::Text { codes: vec![0, 1], names: vec!["gas".into(), "star".into()] };
+    columns.attributes = vec![
+        Attribute::new("type", 1, words),
+        Attribute::new("time", 1, Values::F32(vec![1.5, 2.5])),
+        Attribute::new("x", 1, Values::F32(vec![7.0, 8.0])),
+        Attribute::new("X", 1, Values::F32(vec![9.0, 9.5])),
+    ];
+    columns.time = Some(3.0);
+    let original = Particles::new(columns).unwrap();
+    for (format, name) in [("dump", "x_2"), ("csv", "x_2"), ("ply", "x_2"), ("npy", "x"), ("npz", "x")] {
+        let found = convert(&original, &folder.file(&format!("a.{format}"), b""));
+        assert_eq!(found.positions().world(1), DVec3::ONE, "{format}");
+        assert_eq!(found.attribute(name).unwrap().number(1, 0), 8.0, "{format}");
+    }
+    for format in ["usda", "glb"] {
+        let path = folder.file(&format!("a.{format}"), b"");
+        write::particles::particles(&path, None, 1, |_| Ok(original.clone())).unwrap();
+    }
+}
+
+#[test]
 fn words_that_a_format_cannot_hold_are_told() {
     let folder = Folder::new("words");
     let mut columns = Columns::default();

@@ -18,18 +18,16 @@ pub(super) fn write(out: &mut dyn Out, snapshot: &Snapshot, place: &mut Place) -
     }
     // Houdini's name for radii, unless the file has it already.
     let with_radius = snapshot.particles.radii().is_some() && snapshot.named(&["pscale"]).is_none();
-    let columns: Vec<&Attribute> =
-        snapshot.attributes.iter().copied().filter(|it| !(with_radius && snapshot.is_radius(it))).collect();
+    let kept = snapshot.attributes.iter().copied().filter(|it| !(with_radius && snapshot.is_radius(it)));
+    let columns: Vec<(&Attribute, bool)> = kept.map(|it| (it, is_integer(it))).collect();
     let mut head = b"BgeoV".to_vec();
     let attributes = columns.len() as u32 + u32::from(with_radius);
     for number in [5, count, 0, 0, 0, attributes, 0, 0, 0] {
         head.extend(number.to_be_bytes());
     }
-    for attribute in &columns {
-        define(&mut head, attribute);
-        if matches!(attribute.values, Values::F64(_))
-            || matches!(&attribute.values, Values::I64(values) if values.iter().any(|&it| i32::try_from(it).is_err()))
-        {
+    for &(attribute, is_integer) in &columns {
+        define(&mut head, attribute, is_integer);
+        if matches!(attribute.values, Values::F64(_) | Values::I64(_)) && !is_integer {
             place.note(format!("'{}': BGEO has numbers of 32 bits; it is rounded", attribute.name));
         }
     }
@@ -42,10 +40,10 @@ pub(super) fn write(out: &mut dyn Out, snapshot: &Snapshot, place: &mut Place) -
         for coordinate in snapshot.position(id).extend(1.0).to_array() {
             bytes.extend((coordinate as f32).to_be_bytes());
         }
-        for attribute in &columns {
+        for &(attribute, is_integer) in &columns {
             for component in 0..attribute.components {
                 let value = attribute.number(id, component);
-                match is_integer(attribute) {
+                match is_integer {
                     true => bytes.extend((value as i32).to_be_bytes()),
                     false => bytes.extend((value as f32).to_be_bytes()),
                 }
@@ -67,7 +65,7 @@ fn is_integer(attribute: &Attribute) -> bool {
     }
 }
 
-fn define(head: &mut Vec<u8>, attribute: &Attribute) {
+fn define(head: &mut Vec<u8>, attribute: &Attribute, is_integer: bool) {
     const VECTORS: [&str; 6] = ["v", "velocity", "vel", "n", "normal", "force"];
     string(head, &attribute.name);
     head.extend((attribute.components as u16).to_be_bytes());
@@ -79,7 +77,7 @@ fn define(head: &mut Vec<u8>, attribute: &Attribute) {
     }
     let is_vector =
         attribute.components == 3 && VECTORS.iter().any(|it| attribute.name.eq_ignore_ascii_case(it));
-    let code: u32 = if is_integer(attribute) {
+    let code: u32 = if is_integer {
         1
     } else if is_vector {
         5

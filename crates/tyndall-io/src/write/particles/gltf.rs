@@ -6,7 +6,7 @@ use std::io;
 
 use tyndall::particles::Values;
 
-use super::snapshot::Snapshot;
+use super::snapshot::{Names, Snapshot};
 use super::{Out, Place, rows};
 
 /// Writes the file: positions, colors, and numbers of one to four components as attributes `_NAME`.
@@ -22,7 +22,7 @@ pub(super) fn write(out: &mut dyn Out, snapshot: &Snapshot, place: &mut Place) -
     if colors.is_some() {
         arrays.push(("COLOR_0".to_string(), 3));
     }
-    let mut columns = Vec::new();
+    let (mut columns, mut names) = (Vec::new(), Names::beside(&[]));
     for attribute in &snapshot.attributes {
         if matches!(attribute.values, Values::Text { .. }) || attribute.components > 4 {
             place.note(format!(
@@ -35,14 +35,12 @@ pub(super) fn write(out: &mut dyn Out, snapshot: &Snapshot, place: &mut Place) -
             place.note(format!("'{}': glTF has floats of 32 bits; it is rounded", attribute.name));
         }
         let letter = |it: char| if it.is_ascii_alphanumeric() { it.to_ascii_uppercase() } else { '_' };
-        arrays.push((
-            format!("_{}", attribute.name.chars().map(letter).collect::<String>()),
-            attribute.components,
-        ));
+        let name = format!("_{}", attribute.name.chars().map(letter).collect::<String>());
+        arrays.push((names.distinct(name), attribute.components));
         columns.push(*attribute);
     }
 
-    let (mut views, mut accessors, mut names, mut offset) = (Vec::new(), Vec::new(), Vec::new(), 0);
+    let (mut views, mut accessors, mut attributes, mut offset) = (Vec::new(), Vec::new(), Vec::new(), 0);
     for (place, (name, components)) in arrays.iter().enumerate() {
         let bytes = 4 * *components as u64 * count;
         let limits = if place == 0 { limits(snapshot, origin) } else { String::new() };
@@ -53,18 +51,18 @@ pub(super) fn write(out: &mut dyn Out, snapshot: &Snapshot, place: &mut Place) -
         accessors.push(format!(
             "{{\"bufferView\":{place},\"componentType\":5126,\"count\":{count},\"type\":\"{kind}\"{limits}}}"
         ));
-        names.push(format!("\"{name}\":{place}"));
+        attributes.push(format!("\"{name}\":{place}"));
         offset += bytes;
     }
     let [x, y, z] = origin.to_array();
     let scene = match count {
         // An accessor has at least one element.
-        0 => "\"scenes\":[{\"nodes\":[]}]".replace("\"nodes\":[]", ""),
+        0 => "\"scenes\":[{}]".to_string(),
         _ => format!(
             "\"scenes\":[{{\"nodes\":[0]}}],\"nodes\":[{{\"mesh\":0,\"name\":\"particles\",\"translation\":[{x},{y},{z}]}}],\
              \"meshes\":[{{\"primitives\":[{{\"mode\":0,\"attributes\":{{{}}}}}]}}],\"accessors\":[{}],\"bufferViews\":[{}],\
              \"buffers\":[{{\"byteLength\":{offset}}}]",
-            names.join(","),
+            attributes.join(","),
             accessors.join(","),
             views.join(",")
         ),

@@ -5,7 +5,7 @@ use std::io;
 use tyndall::particles::{Attribute, Values};
 use tyndall::{Cell, DVec3, Particles};
 
-use super::snapshot::{Snapshot, component_names};
+use super::snapshot::{Names, Snapshot, component_names};
 use super::{Out, Place, text};
 
 /// Appends a frame.
@@ -31,9 +31,10 @@ pub(super) fn write(out: &mut dyn Out, snapshot: &Snapshot, place: &mut Place) -
     let others: Vec<&Attribute> =
         snapshot.attributes.iter().copied().filter(|it| !is(it, id_column) && !is(it, kind)).collect();
     let mut header = "ITEM: ATOMS id type x y z".to_string();
+    let mut names = Names::beside(&["id", "type", "x", "y", "z"]);
     for attribute in &others {
         for name in component_names(attribute) {
-            header = header + " " + &text::plain_name(&name, &[]);
+            header = header + " " + &names.distinct(text::plain_name(&name, &[]));
         }
         if text::is_changed_between_blanks(attribute) {
             place.note(format!("'{}': blanks in words are written as _, empty words as -", attribute.name));
@@ -51,17 +52,7 @@ pub(super) fn write(out: &mut dyn Out, snapshot: &Snapshot, place: &mut Place) -
             (None, Some(element)) => text::number(line, element.number(id, 0) + 1.0),
             (None, None) => line.push(b'1'),
         }
-        for axis in 0..3 {
-            line.push(b' ');
-            coordinates.push(line, id, axis);
-        }
-        for attribute in &others {
-            for component in 0..attribute.components {
-                line.push(b' ');
-                text::value(line, attribute, id, component, text::between_blanks);
-            }
-        }
-        line.push(b'\n');
+        text::end_row(line, id, coordinates, &others, b' ', text::between_blanks);
     })
 }
 

@@ -17,6 +17,7 @@ mod usda;
 mod vtp;
 mod xyz;
 
+use std::array::from_fn;
 use std::io::{self, Seek, Write};
 use std::path::Path;
 
@@ -120,8 +121,10 @@ pub fn particles(
                 let snapshot = Snapshot::new(&particles, fields)?;
                 if let Some([low, high]) = particles.world_bounds() {
                     let [least, greatest] = bounds.unwrap_or([low, high]);
-                    let of = |axis: usize| [least[axis].min(low[axis]), greatest[axis].max(high[axis])];
-                    bounds = Some([[of(0)[0], of(1)[0], of(2)[0]], [of(0)[1], of(1)[1], of(2)[1]]]);
+                    bounds = Some([
+                        from_fn(|axis| least[axis].min(low[axis])),
+                        from_fn(|axis| greatest[axis].max(high[axis])),
+                    ]);
                 }
                 let bounds = bounds.unwrap_or_default();
                 let mut place = Place { frame: k, count, bounds: &bounds, notes: &mut notes };

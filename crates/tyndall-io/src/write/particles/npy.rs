@@ -6,7 +6,7 @@ use tyndall::particles::{Attribute, Values};
 use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, ZipWriter};
 
-use super::snapshot::Snapshot;
+use super::snapshot::{Names, Snapshot};
 use super::{Out, Place, rows};
 
 /// Writes positions and attributes as one array of structures; an array of shape (N, 3) if there are no attributes.
@@ -20,8 +20,9 @@ pub(super) fn write_array(out: &mut dyn Out, snapshot: &Snapshot, place: &mut Pl
     }
     let mut members = format!("[('pos', '{axes}', (3,))");
     let columns: Vec<Column> = snapshot.attributes.iter().map(|it| Column::of(it)).collect();
+    let mut names = Names::beside(&["pos"]);
     for column in &columns {
-        let name = literal(&column.attribute.name);
+        let name = literal(&names.distinct(column.attribute.name.clone()));
         members += &match column.attribute.components {
             1 => format!(", ({name}, '{}')", column.kind),
             count => format!(", ({name}, '{}', ({count},))", column.kind),
@@ -46,9 +47,11 @@ pub(super) fn write_archive(out: &mut dyn Out, snapshot: &Snapshot, place: &mut 
     archive.start_file("pos.npy", options)?;
     archive.write_all(&header(if is_single { "'<f4'" } else { "'<f8'" }, &[snapshot.len(), 3]))?;
     positions(&mut archive, snapshot, is_single)?;
+    let mut names = Names::beside(&["pos", "time"]);
     for attribute in &snapshot.attributes {
         let column = Column::of(attribute);
-        archive.start_file(format!("{}.npy", attribute.name.replace('/', "_")), options)?;
+        let name = names.distinct(attribute.name.replace('/', "_"));
+        archive.start_file(format!("{name}.npy"), options)?;
         let shape = match attribute.components {
             1 => vec![snapshot.len()],
             count => vec![snapshot.len(), count],

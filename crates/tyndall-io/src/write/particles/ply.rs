@@ -4,7 +4,7 @@ use std::io;
 
 use tyndall::particles::{Attribute, Values};
 
-use super::snapshot::{Snapshot, component_names};
+use super::snapshot::{Names, Snapshot, component_names};
 use super::{Out, Place, rows, text};
 
 /// What a property is.
@@ -68,9 +68,11 @@ pub(super) fn write(out: &mut dyn Out, snapshot: &Snapshot, place: &mut Place) -
     }
     let columns: Vec<(&Attribute, Type)> =
         snapshot.attributes.iter().map(|it| (*it, Type::of(&it.values))).collect();
+    let mut taken = Names::beside(&["x", "y", "z"]);
     for (attribute, kind) in &columns {
         for name in component_names(attribute) {
-            properties += &format!("property {} {}\n", kind.name(), text::plain_name(&name, &[]));
+            properties +=
+                &format!("property {} {}\n", kind.name(), taken.distinct(text::plain_name(&name, &[])));
         }
         if let Values::Text { names, .. } = &attribute.values {
             place.note(format!(

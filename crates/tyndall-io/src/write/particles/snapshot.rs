@@ -1,5 +1,7 @@
 //! A frame as its writers see it: positions, and the attributes that were asked for.
 
+use std::collections::HashSet;
+
 use rayon::prelude::*;
 use tyndall::particles::{Attribute, Radii, Values};
 use tyndall::{DVec3, Error, Particles, Result};
@@ -102,6 +104,27 @@ impl<'a> Snapshot<'a> {
                 if attribute.values.is_discrete() { value / 255.0 } else { value }
             })
         })
+    }
+}
+
+/// Names of columns that are all different.
+pub(super) struct Names(HashSet<String>);
+
+impl Names {
+    /// Beside those that the format has itself.
+    pub(super) fn beside(own: &[&str]) -> Self {
+        Self(own.iter().map(|it| it.to_string()).collect())
+    }
+
+    /// The name, with a number if it is taken.
+    pub(super) fn distinct(&mut self, name: String) -> String {
+        let mut other = name.clone();
+        let mut number = 2;
+        while !self.0.insert(other.clone()) {
+            other = format!("{name}_{number}");
+            number += 1;
+        }
+        other
     }
 }
 

@@ -2,7 +2,7 @@
 
 use std::io;
 
-use super::snapshot::{Snapshot, component_names};
+use super::snapshot::{Names, Snapshot, component_names};
 use super::{Out, Place, text};
 
 /// Writes a table with commas.
@@ -25,10 +25,12 @@ fn write(out: &mut dyn Out, snapshot: &Snapshot, place: &mut Place, separator: u
         None => name.to_string(),
     };
     let axes = ["x", "y", "z"].map(|axis| with_unit(axis, particles.length_unit()));
-    let attributes = snapshot
-        .attributes
-        .iter()
-        .flat_map(|it| component_names(it).into_iter().map(|name| with_unit(&name, it.unit.as_deref())));
+    let mut names = Names::beside(&["x", "y", "z"]);
+    let mut attributes = Vec::new();
+    for attribute in &snapshot.attributes {
+        let own = component_names(attribute).into_iter().map(|name| names.distinct(name));
+        attributes.extend(own.map(|name| with_unit(&name, attribute.unit.as_deref())));
+    }
     let mut header = Vec::new();
     for (column, name) in axes.into_iter().chain(attributes).enumerate() {
         if column > 0 {
@@ -39,19 +41,8 @@ fn write(out: &mut dyn Out, snapshot: &Snapshot, place: &mut Place, separator: u
     header.push(b'\n');
     out.write_all(&header)?;
     text::rows(out, particles.positions(), |line, id, coordinates| {
-        for axis in 0..3 {
-            if axis > 0 {
-                line.push(separator);
-            }
-            coordinates.push(line, id, axis);
-        }
-        for attribute in &snapshot.attributes {
-            for component in 0..attribute.components {
-                line.push(separator);
-                text::value(line, attribute, id, component, |line, word| quoted(line, word, separator));
-            }
-        }
-        line.push(b'\n');
+        let word = |line: &mut Vec<u8>, word: &str| quoted(line, word, separator);
+        text::end_row(line, id, coordinates, &snapshot.attributes, separator, word);
     })
 }
 

@@ -1,5 +1,6 @@
 //! Numbers and words as text.
 
+use std::fmt::{Display, LowerExp};
 use std::io::{self, Write};
 
 use tyndall::particles::{Attribute, Positions, Values};
@@ -62,23 +63,46 @@ impl Coordinates<'_> {
     }
 }
 
-/// Appends a number: the shortest text that says it.
-pub(super) fn number(line: &mut Vec<u8>, value: f64) {
-    // Writing to a vector cannot fail.
-    _ = match value.abs() {
-        0.0 => write!(line, "0"),
-        1e-5..1e16 => write!(line, "{value}"),
-        _ if value.is_finite() => write!(line, "{value:e}"),
-        _ => write!(line, "nan"),
+/// Appends the coordinates and attributes of particle `id` behind what its row has already, and ends it; words go through `word`.
+pub(super) fn end_row(
+    line: &mut Vec<u8>,
+    id: usize,
+    coordinates: &mut Coordinates,
+    attributes: &[&Attribute],
+    separator: u8,
+    word: impl Fn(&mut Vec<u8>, &str),
+) {
+    let separate = |line: &mut Vec<u8>| {
+        if line.last().is_some_and(|&byte| byte != b'\n') {
+            line.push(separator);
+        }
     };
+    for axis in 0..3 {
+        separate(line);
+        coordinates.push(line, id, axis);
+    }
+    for attribute in attributes {
+        for component in 0..attribute.components {
+            separate(line);
+            value(line, attribute, id, component, &word);
+        }
+    }
+    line.push(b'\n');
 }
 
-fn number32(line: &mut Vec<u8>, value: f32) {
-    _ = match value.abs() {
+/// Appends a number: the shortest text that says it.
+pub(super) fn number(line: &mut Vec<u8>, value: f64) {
+    shortest(line, value, value.abs());
+}
+
+/// The same of a number of 32 or 64 bits whose size is `size`.
+fn shortest(line: &mut Vec<u8>, value: impl Display + LowerExp, size: f64) {
+    // Writing to a vector cannot fail.
+    _ = match size {
         0.0 => write!(line, "0"),
         1e-5..1e16 => write!(line, "{value}"),
-        _ if value.is_finite() => write!(line, "{value:e}"),
-        _ => write!(line, "nan"),
+        _ if size.is_finite() => write!(line, "{value:e}"),
+        _ => write!(line, "{value}"),
     };
 }
 
@@ -92,7 +116,7 @@ pub(super) fn value(
 ) {
     let place = id * attribute.components + component;
     match &attribute.values {
-        Values::F32(values) => number32(line, values[place]),
+        Values::F32(values) => shortest(line, values[place], values[place].abs().into()),
         Values::F64(values) => number(line, values[place]),
         Values::I32(values) => _ = write!(line, "{}", values[place]),
         Values::I64(values) => _ = write!(line, "{}", values[place]),

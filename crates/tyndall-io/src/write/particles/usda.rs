@@ -4,7 +4,7 @@ use std::io::{self, Write};
 
 use tyndall::particles::{Attribute, Values};
 
-use super::snapshot::Snapshot;
+use super::snapshot::{Names, Snapshot};
 use super::{Out, Place, rows, text};
 
 /// Metres of the units of length that files name.
@@ -32,40 +32,48 @@ pub(super) fn write(out: &mut dyn Out, snapshot: &Snapshot, place: &mut Place) -
             "    double3 xformOp:translate = ({x}, {y}, {z})\n    uniform token[] xformOpOrder = [\"xformOp:translate\"]"
         )?;
     }
-    array(out, snapshot.len(), "point3f[] points", |line, id| {
+    array(out, snapshot.len(), "point3f[] points", "", |line, id| {
         tuple(line, (snapshot.position(id) - origin).to_array().map(|it| it as f32));
     })?;
     if particles.radii().is_some() {
-        array(out, snapshot.len(), "float[] widths", |line, id| {
+        array(out, snapshot.len(), "float[] widths", "", |line, id| {
             text::number(line, f64::from(2.0 * snapshot.radius(id).unwrap_or_default()));
         })?;
     }
     let colors = snapshot.colors();
     if let Some(colors) = &colors {
-        array(out, snapshot.len(), "color3f[] primvars:displayColor", |line, id| {
+        array(out, snapshot.len(), "color3f[] primvars:displayColor", &of_points(1), |line, id| {
             tuple(line, colors(id).map(linear))
         })?;
-        writeln!(out, "    uniform token primvars:displayColor:interpolation = \"vertex\"")?;
     }
-    let id = snapshot.named(&["id"]).filter(|it| matches!(it.values, Values::I32(_) | Values::I64(_)));
+    let id = snapshot
+        .named(&["id"])
+        .filter(|it| it.components == 1 && matches!(it.values, Values::I32(_) | Values::I64(_)));
     let velocity = snapshot.named(&["velocity", "vel", "v"]).filter(|it| it.components == 3);
+    let mut names = Names::beside(&["displayColor"]);
     for attribute in &snapshot.attributes {
         let is = |other: Option<&Attribute>| other.is_some_and(|it| std::ptr::eq(it, *attribute));
         if snapshot.is_radius(attribute) {
             continue;
         }
-        let name = match (is(id), is(velocity)) {
-            (true, _) => "int64[] ids".to_string(),
-            (_, true) => "vector3f[] velocities".to_string(),
-            _ => format!("{} primvars:{}", primvar(attribute), identifier(&attribute.name)),
+        let in_tuples = is_tuple(attribute) || is(velocity);
+        let values = if in_tuples { 1 } else { attribute.components };
+        let (name, metadata) = match (is(id), is(velocity)) {
+            (true, _) => ("int64[] ids".to_string(), String::new()),
+            (_, true) => ("vector3f[] velocities".to_string(), String::new()),
+            _ => {
+                let name = names.distinct(identifier(&attribute.name));
+                let name = format!("{} primvars:{name}", primvar(attribute));
+                (name, of_points(values))
+            }
         };
-        array(out, snapshot.len(), &name, |line, id| {
+        array(out, snapshot.len(), &name, &metadata, |line, id| {
             let component = |line: &mut Vec<u8>, component: usize| {
                 text::value(line, attribute, id, component, |line, word| {
                     line.extend(format!("\"{}\"", word.replace('\\', "\\\\").replace('"', "\\\"")).bytes());
                 });
             };
-            if !(2..=4).contains(&attribute.components) {
+            if !in_tuples {
                 for place in 0..attribute.components {
                     if place > 0 {
                         line.extend(b", ");
@@ -80,22 +88,28 @@ pub(super) fn write(out: &mut dyn Out, snapshot: &Snapshot, place: &mut Place) -
             }
             line.push(b')');
         })?;
-        if name.contains("primvars:") {
-            let name = identifier(&attribute.name);
-            writeln!(out, "    uniform token primvars:{name}:interpolation = \"vertex\"")?;
-            if attribute.components > 4 {
-                writeln!(out, "    int primvars:{name}:elementSize = {}", attribute.components)?;
-            }
-        }
     }
     out.write_all(b"}\n")
 }
 
-/// `    type name = [a, b, ...]`
+/// Says of a primvar that every point has its own value, of so many elements.
+fn of_points(elements: usize) -> String {
+    let size = if elements > 1 { format!("\n        elementSize = {elements}") } else { String::new() };
+    format!(" (\n        interpolation = \"vertex\"{size}\n    )")
+}
+
+/// Whether USD has a type for all components of a particle together.
+fn is_tuple(attribute: &Attribute) -> bool {
+    (2..=4).contains(&attribute.components)
+        && !matches!(attribute.values, Values::I64(_) | Values::Text { .. })
+}
+
+/// `    type name = [a, b, ...] (metadata)`
 fn array(
     out: &mut dyn Out,
     count: usize,
     name: &str,
+    metadata: &str,
     element: impl Fn(&mut Vec<u8>, usize) + Sync,
 ) -> io::Result<()> {
     write!(out, "    {name} = [")?;
@@ -105,7 +119,7 @@ fn array(
         }
         element(line, id);
     })?;
-    out.write_all(b"]\n")
+    writeln!(out, "]{metadata}")
 }
 
 fn tuple(line: &mut Vec<u8>, values: [f32; 3]) {
@@ -126,8 +140,8 @@ fn primvar(attribute: &Attribute) -> String {
         Values::I64(_) => "int64",
         Values::Text { .. } => "string",
     };
-    match (attribute.components, scalar) {
-        (count @ 2..=4, "float" | "double" | "int") => format!("{scalar}{count}[]"),
+    match attribute.components {
+        count if is_tuple(attribute) => format!("{scalar}{count}[]"),
         _ => format!("{scalar}[]"),
     }
 }

@@ -58,20 +58,7 @@ pub(super) fn write(out: &mut dyn Out, snapshot: &Snapshot, place: &mut Place) -
     text::rows(out, particles.positions(), |line, id, coordinates| {
         if let Some(element) = element {
             text::value(line, element, id, 0, text::between_blanks);
-            line.push(b' ');
         }
-        for axis in 0..3 {
-            if axis > 0 {
-                line.push(b' ');
-            }
-            coordinates.push(line, id, axis);
-        }
-        for attribute in &others {
-            for component in 0..attribute.components {
-                line.push(b' ');
-                text::value(line, attribute, id, component, text::between_blanks);
-            }
-        }
-        line.push(b'\n');
+        text::end_row(line, id, coordinates, &others, b' ', text::between_blanks);
     })
 }
