@@ -206,13 +206,10 @@ mod card {
             };
             match loaded {
                 Ok(resident) => Ok(Loaded::Card(Box::new(resident))),
-                Err(error) if *is_asked_for => Err(error.into()),
+                Err(error) if *is_asked_for || matches!(error, Error::Interrupted) => Err(error.into()),
                 Err(error) => {
                     tell_why_not(&error, report);
-                    match error {
-                        Error::Interrupted => Err(error.into()),
-                        _ => Ok(Loaded::Processor),
-                    }
+                    Ok(Loaded::Processor)
                 }
             }
         }

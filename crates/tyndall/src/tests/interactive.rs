@@ -211,12 +211,12 @@ fn resident(samples: u32) -> Interactive {
     Interactive::new(scene, state.camera, state.settings).unwrap()
 }
 
-#[test]
-fn a_picture_goes_from_coarse_to_fine_and_the_next_begins_where_time_allows() {
-    let mut it = resident(4);
+/// A view that is given time for a tile, another, and the rest: the scene with its finished picture.
+fn refined_step_by_step(device: &impl Device) -> Interactive {
+    let mut it = device.take(resident(4));
     assert_eq!(it.refine(&Budget::of(0)).unwrap(), Detail::Stale);
     assert!(it.image().color.is_empty(), "no picture yet");
-    // 70 x 45 pixels are one tile in blocks of 8 and of 4, four in blocks of 2.
+    // 70 x 45 pixels are one tile, or one band, in blocks of 8 and of 4.
     assert_eq!(it.refine(&Budget::of(1)).unwrap(), Detail::Block(8));
     let image = it.image();
     assert_eq!((image.width, image.height, image.id.len()), (70, 45, 70 * 45));
@@ -227,6 +227,12 @@ fn a_picture_goes_from_coarse_to_fine_and_the_next_begins_where_time_allows() {
     assert_eq!(it.refine(&Budget::of(1)).unwrap(), Detail::Block(4));
     assert_eq!(it.refine(&Budget::of(100)).unwrap(), Detail::Samples(4));
     assert!(it.is_done());
+    it
+}
+
+#[test]
+fn a_picture_goes_from_coarse_to_fine_and_the_next_begins_where_time_allows() {
+    let mut it = refined_step_by_step(&Cpu);
     // Views that are finished at once need no coarse steps; one that is not makes the next begin coarser.
     it.look_from(*it.camera()).unwrap();
     assert!(!it.is_done());
@@ -328,20 +334,7 @@ mod card {
     #[test]
     fn a_picture_goes_from_coarse_to_fine_and_the_next_begins_where_time_allows() {
         let Some(gpu) = device(None) else { return };
-        let mut it = gpu.take(resident(4));
-        assert_eq!(it.refine(&Budget::of(0)).unwrap(), Detail::Stale);
-        assert!(it.image().color.is_empty(), "no picture yet");
-        // Blocks of 8 and of 4 are one band each.
-        assert_eq!(it.refine(&Budget::of(1)).unwrap(), Detail::Block(8));
-        let image = it.image();
-        assert_eq!((image.width, image.height, image.id.len()), (70, 45, 70 * 45));
-        for (pixel, id) in image.id.iter().enumerate() {
-            let (x, y) = (pixel % 70, pixel / 70);
-            assert_eq!(*id, image.id[y / 8 * 8 * 70 + x / 8 * 8], "a block has one id");
-        }
-        assert_eq!(it.refine(&Budget::of(1)).unwrap(), Detail::Block(4));
-        assert_eq!(it.refine(&Budget::of(100)).unwrap(), Detail::Samples(4));
-        assert!(it.is_done());
+        let mut it = refined_step_by_step(&gpu);
         it.look_from(*it.camera()).unwrap();
         assert_eq!(it.refine(&Budget::of(0)).unwrap(), Detail::Stale, "begins with the finished picture");
         it.look_from(*it.camera()).unwrap();

@@ -247,6 +247,7 @@ impl Picture {
             Pace::Steady => (BAND, false),
             Pace::Prompt => (PROMPT_BAND, true),
         };
+        let lower = |rows: u32| (rows / 2).next_multiple_of(BAND_ROWS).max(BAND_ROWS);
         while let Some((pass, _)) = self.under_way.as_mut().filter(|(pass, _)| pass.first_row < height) {
             if progress.cancelled() {
                 return Err(Error::Interrupted);
@@ -262,13 +263,13 @@ impl Picture {
                 if time < band / 4 {
                     self.rows = self.rows.saturating_mul(2);
                 } else if time > band {
-                    self.rows = (rows / 2).next_multiple_of(BAND_ROWS).max(BAND_ROWS);
+                    self.rows = lower(rows);
                 }
             } else if let Some((before, since)) = self.submitted.replace((submitted, start)) {
                 gpu.wait(before)?;
                 // Two are on their way at one time.
-                if since.elapsed() > 2 * BAND {
-                    (self.rows, self.submitted) = ((rows / 2).next_multiple_of(BAND_ROWS), None);
+                if since.elapsed() > 2 * band {
+                    (self.rows, self.submitted) = (lower(rows), None);
                 }
             }
             progress.advance(u64::from(width) * u64::from(rows) * u64::from(kernels.samples));

@@ -18,7 +18,7 @@ pub(super) struct Pages {
     pub(super) buffers: Vec<wgpu::Buffer>,
     /// Binary logarithm of the elements of a page.
     pub(super) shift: u32,
-    /// Of what was copied, without what fills the last element.
+    /// Of what it holds, without what fills the last element.
     pub(super) bytes: u64,
 }
 
@@ -30,14 +30,7 @@ impl Pages {
 
     /// Copies `bytes` to the card. The end is filled up to whole elements; an empty array has no page.
     pub(super) fn upload(gpu: &Gpu, label: &str, bytes: &[u8], progress: &dyn Progress) -> Result<Self> {
-        let shift = shift(gpu.page_bytes());
-        let page_bytes = ELEMENT_BYTES << shift;
-        let mut pages = Self { buffers: Vec::new(), shift, bytes: bytes.len() as u64 };
-        let size = pages.bytes.next_multiple_of(ELEMENT_BYTES);
-        for first in (0..size).step_by(page_bytes as usize) {
-            let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST;
-            pages.buffers.push(gpu.buffer(label, page_bytes.min(size - first), usage)?);
-        }
+        let pages = Self::room(gpu, label, bytes.len() as u64)?;
         pages.write(gpu, bytes, progress)?;
         Ok(pages)
     }
@@ -68,17 +61,18 @@ impl Pages {
 
     /// Room for `bytes`, to be written and read back; no less than for one element.
     pub(super) fn empty(gpu: &Gpu, label: &str, bytes: u64) -> Result<Self> {
+        Ok(Self { bytes, ..Self::room(gpu, label, bytes.max(1))? })
+    }
+
+    /// Room for `bytes`; nothing has no page.
+    fn room(gpu: &Gpu, label: &str, bytes: u64) -> Result<Self> {
         let shift = shift(gpu.page_bytes());
         let page_bytes = ELEMENT_BYTES << shift;
-        let mut pages = Self { buffers: Vec::new(), shift, bytes };
-        let mut left = bytes.max(1).next_multiple_of(ELEMENT_BYTES);
-        while left > 0 {
-            let size = left.min(page_bytes);
-            let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC;
-            pages.buffers.push(gpu.buffer(label, size, usage)?);
-            left -= size;
-        }
-        Ok(pages)
+        let size = bytes.next_multiple_of(ELEMENT_BYTES);
+        let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::COPY_SRC;
+        let page = |first: u64| gpu.buffer(label, page_bytes.min(size - first), usage);
+        let buffers = (0..size).step_by(page_bytes as usize).map(page).collect::<Result<_>>()?;
+        Ok(Self { buffers, shift, bytes })
     }
 
     /// Waits, and reads back the first bytes.

@@ -1,4 +1,4 @@
-//! A scene in the card's memory: the structure as the CPU has built it, and colors by node. What changes in the scene is sent alone.
+//! A scene in the card's memory: the structure as the CPU or the card has built it, and colors by node. What changes in the scene is sent alone.
 
 use super::build::Hierarchy;
 use super::device::Gpu;
@@ -317,13 +317,10 @@ impl Resident {
         if !hierarchy.array_bytes().into_iter().eq(sizes.take(4)) {
             return Err(Error::Device("the scene's structure is not the one that the GPU has built".into()));
         }
-        let gpu = hierarchy.gpu();
-        let mut arrays = hierarchy.into_arrays();
-        // What is empty takes no binding, as where it is copied.
-        for pages in arrays.iter_mut().filter(|pages| pages.bytes == 0) {
-            pages.buffers.clear();
-        }
-        Self::of(gpu, scene, arrays.into(), progress)
+        let mut resident = Self::of(hierarchy.gpu(), scene, hierarchy.into_arrays().into(), progress)?;
+        // Radii may have been scaled since, and boxes with them.
+        resident.update(scene, Changes { radii: true, ..Changes::default() })?;
+        Ok(resident)
     }
 
     /// The first arrays stand on the card already, in the order of their bindings.

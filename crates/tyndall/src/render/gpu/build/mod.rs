@@ -255,6 +255,7 @@ impl<'a> Builder<'a> {
         progress.begin("upload", Some(self.plan.columns * self.plan.column), "B");
         let [xs, ys, zs] = spheres.particles.positions().offsets();
         let centers = [upload("x", xs)?, upload("y", ys)?, upload("z", zs)?];
+        let radii = upload("radii", radii.unwrap_or(&[]))?;
         let records = [
             Pages::empty(gpu, "records", self.plan.records)?,
             Pages::empty(gpu, "records", self.plan.records)?,
@@ -269,13 +270,10 @@ impl<'a> Builder<'a> {
             count: particles,
             ..bytemuck::Zeroable::zeroed()
         };
-        {
-            let radii = upload("radii", radii.unwrap_or(&[]))?;
-            let [xs, ys, zs] = &centers;
-            let bound = [xs, ys, zs, &radii, &records[0]];
-            let write_records = self.kernel(Stage::Keys, "write_records", &bound)?;
-            self.run(&write_records, task, particles.div_ceil(64), 64)?;
-        }
+        let [xs, ys, zs] = &centers;
+        let write_records = self.kernel(Stage::Keys, "write_records", &[xs, ys, zs, &radii, &records[0]])?;
+        self.run(&write_records, task, particles.div_ceil(64), 64)?;
+        drop((write_records, radii));
         self.sort(&records, task)?;
         let arrays = self.leaves(&centers, &records[0], task)?;
         drop(centers);
