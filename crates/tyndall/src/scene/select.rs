@@ -15,7 +15,7 @@ use super::names::nearest;
 use super::quantity::{Quantity, named, unknown};
 use super::statistics::short;
 use crate::error::{Error, Result};
-use crate::particles::{Particles, Values};
+use crate::particles::{Particles, View};
 use crate::structure::selection::{Column, HalfSpace, Numbers, Rule};
 
 /// More values than this are not listed one by one.
@@ -149,8 +149,8 @@ impl Selectable {
             _ => attribute,
         };
         if let Some(it) = attribute.filter(|it| it.components == 1) {
-            let words = match &it.values {
-                Values::Text { names, .. } => names.clone(),
+            let words = match it.values.view() {
+                View::Text { names, .. } => names.to_vec(),
                 _ => Vec::new(),
             };
             let numbers = Numbers::collect(count, |id| it.number(id, 0));
