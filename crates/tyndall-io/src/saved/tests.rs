@@ -77,7 +77,7 @@ fn use_all(opened: Saved) {
         up: DVec3::Z,
         projection: Projection::Orthographic { height: 1.5 },
     };
-    let settings = Settings { width: 32, height: 24, samples: 16, ..Settings::default() };
+    let settings = Settings { width: 16, height: 12, samples: 4, ..Settings::default() };
     render(&scene, &camera, &settings, &()).unwrap();
     let filter: Filter = "size=0.01:0.012".parse().unwrap();
     let kept = tyndall::scene::select::Selectable::of(&particles, &filter).unwrap();
@@ -107,7 +107,7 @@ fn whatever_the_arrays_hold_nothing_panics_and_all_ends() {
     };
     let (mut opened_count, mut refused_count) = (0, 0);
     for (kind, each) in kinds().into_iter().flat_map(|kind| [(kind, false), (kind, true)]) {
-        let whole = sections(&path, kind, 1500, each);
+        let whole = sections(&path, kind, 300, each);
         for target in 0..whole.len() {
             if !whole[target].0.starts_with("structure.") && whole[target].0 != "attribute.0" {
                 continue;
