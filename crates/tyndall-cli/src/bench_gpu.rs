@@ -5,8 +5,9 @@
 //! own clock. `floors` says what bounds finding hits: bytes that the walk reads at least once a tile over the memory's rate, operations over
 //! the card's peak, and the steps that wait for each other in a tile over the tiles that are at work at one time. Incoherent rays come
 //! from random points around the particles' box to random points in it; `structures` are asked them too, where there are few enough
-//! particles. More than 2^28 particles are packed in 8 bits and read in parts.
+//! particles. More than 2^28 particles are packed in 8 bits and read in parts. Culling has a table of its own: see `culling`.
 
+mod culling;
 mod structures;
 
 use std::time::{Duration, Instant};
@@ -139,6 +140,7 @@ struct Bench<'a> {
     pictures: Table,
     floors: Table,
     structures: Table,
+    culling: Table,
     variants: Table,
     start: Instant,
 }
@@ -164,6 +166,7 @@ pub(crate) fn run(args: &args::Bench, report: &Report) -> Outcome<()> {
         pictures: Table::new(&PICTURES),
         floors: Table::new(&FLOORS),
         structures: Table::new(&structures::HEADINGS),
+        culling: Table::new(&culling::HEADINGS),
         variants: Table::new(&VARIANTS),
         start: Instant::now(),
     };
@@ -172,8 +175,9 @@ pub(crate) fn run(args: &args::Bench, report: &Report) -> Outcome<()> {
         report.out(&format!("{:#}\n", bench.json()))?;
     } else {
         report.out(&bench.pictures.markdown())?;
-        for table in
-            [&bench.structures, &bench.floors, &bench.variants].into_iter().filter(|table| !table.is_empty())
+        for table in [&bench.culling, &bench.structures, &bench.floors, &bench.variants]
+            .into_iter()
+            .filter(|table| !table.is_empty())
         {
             report.out(&format!("\n{}", table.markdown()))?;
         }
@@ -223,6 +227,7 @@ impl Bench<'_> {
             "secs": self.start.elapsed().as_secs_f64(),
             "pictures": self.pictures.json(),
             "structures": self.structures.json(),
+            "culling": self.culling.json(),
             "floors": self.floors.json(),
             "variants": self.variants.json(),
         })
@@ -247,6 +252,10 @@ impl Bench<'_> {
             for (samples, frames) in [(1, &one), (4, &four), (16, &sixteen)] {
                 let row = self.floors_of(set, name, &resident, &scene, camera, samples, frames)?;
                 row.into_iter().for_each(|row| self.floors.add(row));
+            }
+            for samples in culling::SAMPLES {
+                let row = self.culled(set, name, &resident, &scene, camera, samples)?;
+                self.culling.add(row);
             }
             let view =
                 camera.view(scene.structure().origin(), self.args.size.width, self.args.size.height)?;

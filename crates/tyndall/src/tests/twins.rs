@@ -1,6 +1,7 @@
 //! Whole pictures of the card beside those of the CPU. Products and sums may be fused on the card, so that a ray that grazes a sphere may
 //! be decided otherwise: such pixels are counted.
 
+mod culling;
 mod heaps;
 
 use super::scenes::{LAWS, Law, Random, camera, particles};

@@ -4,6 +4,7 @@
 //! take a bounded time each; nothing waits but for the band before the last, and for what is read back. The kernels do not check
 //! their input: the builder of the hierarchy has written it.
 
+mod confidence;
 mod device;
 mod film;
 mod layout;
@@ -12,23 +13,28 @@ mod resident;
 mod shader;
 #[cfg(test)]
 mod tests;
+mod visible;
 
 use std::time::{Duration, Instant};
 
-use super::Settings;
+use super::certified::Counts;
+use super::confidence::Report;
 use super::sampling::{Nearness, PATTERN, Samples};
 use super::shade::{key_radiance, light_sample, sky_radiance};
+use super::{Culling, Settings};
 use crate::error::{Error, Result};
 use crate::film::Image;
 use crate::progress::Progress;
 use crate::scene::Scene;
 use crate::scene::camera::{Camera, View};
 use crate::scene::light::Lighting;
+use confidence::Confidence;
 pub use device::{AdapterInfo, Gpu, Kind, Options, adapters};
 use film::Film;
 pub use resident::Resident;
 pub use shader::{HeapWalk, Tiling, Tilings};
 use shader::{Sampling, Walk};
+use visible::VisibleSet;
 
 /// What a band of a picture should take at most, so that a display on the same card stays alive.
 const BAND: Duration = Duration::from_millis(50);
@@ -39,6 +45,8 @@ const BAND_ROWS: u32 = 16;
 #[derive(Clone)]
 struct Kernels {
     find_hits: wgpu::ComputePipeline,
+    /// What culling has to say, in the place where else only tiles are laid aside.
+    beside: Option<wgpu::BindGroup>,
     /// Goes on with tiles that were laid aside, if any are.
     go_on: Option<wgpu::ComputePipeline>,
     /// None where only hits are asked for.
@@ -73,10 +81,13 @@ pub struct Renderer<'a> {
     /// Others than those for the number of samples.
     tilings: Option<Tilings>,
     film: Film,
+    culling: Option<Confidence>,
+    /// With certified culling, where several passes are alike.
+    visible: Option<VisibleSet>,
     samples_done: u32,
     nearness: Nearness,
-    /// Kernels that were made, for which sampling and which light.
-    made: Vec<(Kernels, Sampling, &'static str)>,
+    /// Kernels that were made, for which sampling, light and walk.
+    made: Vec<(Kernels, Sampling, &'static str, Walk)>,
     /// Rows that the next band takes.
     rows: u32,
     /// The last pass that was submitted as a whole, and when.
@@ -95,6 +106,17 @@ impl<'a> Renderer<'a> {
         settings.check()?;
         let view = camera.view(scene.structure().origin(), settings.width, settings.height)?;
         let film = Film::new(resident.gpu(), resident, settings)?;
+        let culling = match settings.culling {
+            Culling::Off | Culling::Certified(_) => None,
+            Culling::Confidence(_) if !resident.shape().walked.has_tiles() => {
+                let allowed = "bvh with --culling confidence on the GPU; the others are for --device cpu";
+                return Err(Error::setting("--structure", "another", allowed));
+            }
+            Culling::Confidence(options) => {
+                let grid = resident.grid(scene.structure(), options.voxel_count, &())?;
+                Some(Confidence::new(resident, grid, [settings.width, settings.height], options)?)
+            }
+        };
         Ok(Self {
             resident,
             scene,
@@ -102,6 +124,8 @@ impl<'a> Renderer<'a> {
             settings: *settings,
             tilings: None,
             film,
+            culling,
+            visible: None,
             samples_done: 0,
             nearness: Nearness::NONE,
             made: Vec::new(),
@@ -125,20 +149,104 @@ impl<'a> Renderer<'a> {
         let Settings { width, height, .. } = self.settings;
         self.view = camera.view(self.scene.structure().origin(), width, height)?;
         self.restart_counts();
+        if let Some(culling) = &mut self.culling {
+            culling.restart();
+        }
+        if let Some(visible) = &mut self.visible {
+            visible.restart();
+        }
         Ok(())
     }
 
-    /// Submits up to sixteen samples of every pixel. Fails when interrupted, and with what went wrong on the card before.
+    /// Waits, and tells what certified culling saved since the picture was begun: leaves that passes knew of before they began. The card seeks
+    /// no other proofs.
+    pub fn counts(&self) -> Result<Counts> {
+        let remembered_leaves = match &self.visible {
+            Some(visible) => visible.remembered_leaves(self.resident.gpu())?,
+            None => 0,
+        };
+        Ok(Counts { remembered_leaves, ..Counts::default() })
+    }
+
+    /// Takes what culling by confidence has learned of this view for final, and starts the picture anew.
+    pub fn settle(&mut self) {
+        self.restart_counts();
+        if let Some(culling) = &mut self.culling {
+            culling.settle();
+        }
+    }
+
+    /// Waits, and tells how far culling by confidence is; none with any other.
+    pub fn confidence(&self) -> Result<Option<Report>> {
+        self.culling.as_ref().map(|culling| culling.report(self.resident.gpu())).transpose()
+    }
+
+    /// Submits up to sixteen samples of every pixel, with culling by confidence those of a frame. Fails when interrupted, and with what went
+    /// wrong on the card before.
     pub fn pass(&mut self, progress: &dyn Progress) -> Result<()> {
-        let Settings { samples, seed, .. } = self.settings;
-        let Some(added) = Samples::after(self.samples_done, samples, seed) else {
+        let Some(added) = self.samples_after(self.samples_done) else {
             return Ok(());
         };
-        let kernels = self.kernels(added.count, progress)?;
+        let walk = self.walk(&added)?;
+        let mut kernels = self.kernels(added.count, walk, progress)?;
         let pass = self.pass_record(&added);
-        self.film.set_samples(self.resident.gpu(), &added);
-        self.bands(&kernels, pass, progress)?;
+        let gpu = self.resident.gpu();
+        self.film.set_samples(gpu, &added);
+        let mut most_rows = self.film.band_rows(gpu, added.count)?;
+        if let Some(culling) = &mut self.culling {
+            most_rows = most_rows.min(culling.band_rows(gpu, BAND_ROWS)?);
+            kernels.beside = Some(culling.begin(gpu, &added, most_rows)?);
+        }
+        if let Some(visible) = self.visible.as_ref().filter(|_| walk != Walk::First) {
+            kernels.beside = Some(visible.group().clone());
+        }
+        self.bands(&kernels, pass, most_rows, progress)?;
+        if let Some(visible) = self.visible.as_mut().filter(|_| walk != Walk::First) {
+            visible.used();
+        }
+        if let Some(culling) = &mut self.culling {
+            culling.decide(gpu, progress)?;
+        }
         self.samples_done += added.count;
+        Ok(())
+    }
+
+    /// With what the tiles of a pass begin: where certified culling seeks the visible set, the first pass notes it for those that are alike.
+    fn walk(&mut self, added: &Samples) -> Result<Walk> {
+        let Settings { width, height, .. } = self.settings;
+        if !self.settings.culling.certified().visible_set || !self.resident.shape().walked.has_tiles() {
+            return Ok(Walk::First);
+        }
+        let tiling = |added: &Samples| self.sampling(added.count).tilings.first;
+        let own = tiling(added);
+        let serves = self.samples_after(added.first + added.count).is_some_and(|next| tiling(&next) == own);
+        if added.first == 0 && serves && self.visible.is_none() {
+            self.visible = VisibleSet::new(self.resident, &self.film, [width, height], own)?;
+        }
+        let visible = self.visible.as_ref().filter(|visible| visible.is_of(own));
+        Ok(match visible {
+            Some(visible) if visible.is_noted() => Walk::Again,
+            Some(_) if added.first == 0 && serves => Walk::Noting,
+            _ => Walk::First,
+        })
+    }
+
+    /// The samples that come after the first `done`, if any are missing.
+    fn samples_after(&self, done: u32) -> Option<Samples> {
+        let Settings { samples, seed, .. } = self.settings;
+        let at_once = self.culling.as_ref().map_or(u32::MAX, Confidence::frame_samples);
+        Samples::after(done, samples, seed).map(|added| added.at_most(at_once))
+    }
+
+    /// Submits all samples that are missing. Fails as [`Renderer::pass`] does.
+    pub fn complete(&mut self, progress: &dyn Progress) -> Result<()> {
+        self.prepare(progress)?;
+        let Settings { width, height, samples, .. } = self.settings;
+        let samples = u64::from(samples - self.samples_done);
+        progress.begin("render", Some(u64::from(width) * u64::from(height) * samples), "samples");
+        while !self.is_done() {
+            self.pass(progress)?;
+        }
         Ok(())
     }
 
@@ -163,18 +271,19 @@ impl<'a> Renderer<'a> {
     }
 
     /// Submits the first pass as one piece, waits, and gives the seconds that the card took by its own clock: to find what samples
-    /// meet, and to light it. None if it has no clock, or if one piece is too much for it.
+    /// meet, and to light it. None if it has no clock, if one piece is too much for it, or with culling by confidence, which learns from all
+    /// passes.
     pub fn time_pass(&mut self, progress: &dyn Progress) -> Result<Option<[f64; 2]>> {
         let Settings { samples, seed, height, .. } = self.settings;
         let gpu = self.resident.gpu();
         let (Some(added), Some(timer)) = (Samples::after(0, samples, seed), film::Timer::new(gpu)?) else {
             return Ok(None);
         };
-        if self.film.band_rows(gpu, added.count)? < height {
+        if self.culling.is_some() || self.film.band_rows(gpu, added.count)? < height {
             return Ok(None);
         }
         self.nearness = Nearness::NONE;
-        let kernels = self.kernels(added.count, progress)?;
+        let kernels = self.kernels(added.count, Walk::First, progress)?;
         let pass = self.pass_record(&added);
         self.film.set_samples(gpu, &added);
         self.film.set_pass(gpu, &pass);
@@ -186,24 +295,52 @@ impl<'a> Renderer<'a> {
     /// What the walk of the first pass does: counts of all tiles if none is laid aside. None if one band is too little for it, or if the
     /// structure is walked by single rays.
     pub fn count_work(&mut self, progress: &dyn Progress) -> Result<Option<Work>> {
-        let Settings { width, height, samples, seed, .. } = self.settings;
-        let gpu = self.resident.gpu();
-        let Some(added) = Samples::after(0, samples, seed) else {
-            return Ok(None);
-        };
-        let shape = self.resident.shape();
-        if !shape.walked.has_tiles() || self.film.band_rows(gpu, added.count)? < height {
+        let Some(added) = self.counted_samples(0)? else { return Ok(None) };
+        self.restart_counts();
+        self.count(&added, Walk::Counted, progress).map(Some)
+    }
+
+    /// The same of a second pass, which begins with what the first has noted. None too if that is not noted.
+    pub fn count_work_again(&mut self, progress: &dyn Progress) -> Result<Option<Work>> {
+        if self.counted_samples(0)?.is_none() || !self.settings.culling.certified().visible_set {
             return Ok(None);
         }
         self.restart_counts();
+        if let Some(visible) = &mut self.visible {
+            visible.restart();
+        }
+        self.pass(progress)?;
+        let Some(added) = self.counted_samples(self.samples_done)? else { return Ok(None) };
+        if self.walk(&added)? != Walk::Again {
+            return Ok(None);
+        }
+        self.count(&added, Walk::CountedAgain, progress).map(Some)
+    }
+
+    /// The samples after the first `done`, if a band can have all of theirs.
+    fn counted_samples(&self, done: u32) -> Result<Option<Samples>> {
+        let Some(added) = self.samples_after(done).filter(|_| self.resident.shape().walked.has_tiles())
+        else {
+            return Ok(None);
+        };
+        let rows = self.film.band_rows(self.resident.gpu(), added.count)?;
+        Ok((rows >= self.settings.height).then_some(added))
+    }
+
+    /// Counts what a walk does for these samples.
+    fn count(&mut self, added: &Samples, walk: Walk, progress: &dyn Progress) -> Result<Work> {
+        let Settings { width, height, .. } = self.settings;
+        let gpu = self.resident.gpu();
         let sampling = self.sampling(added.count);
-        let text = shape.tiles(sampling, Walk::Counted);
-        let layout = &self.resident.walk_layouts()[0];
+        let text = self.resident.shape().tiles(sampling, walk);
+        let visible = self.visible.as_ref().filter(|_| walk == Walk::CountedAgain);
+        let layout = visible.map_or(&self.resident.walk_layouts()[0], VisibleSet::layout);
         let find_hits = gpu.pipeline(text, "find_hits", layout, progress)?;
         let tilings = sampling.tilings;
-        let kernels = Kernels { find_hits, go_on: None, shade: None, samples: added.count, tilings };
-        let pass = self.pass_record(&added);
-        self.film.set_samples(gpu, &added);
+        let beside = visible.map(|visible| visible.group().clone());
+        let kernels = Kernels { find_hits, beside, go_on: None, shade: None, samples: added.count, tilings };
+        let pass = self.pass_record(added);
+        self.film.set_samples(gpu, added);
         self.film.set_pass(gpu, &pass);
         self.film.submit_band(gpu, self.resident, &kernels, height, None)?;
         let mut work = Work::default();
@@ -227,7 +364,7 @@ impl<'a> Renderer<'a> {
         // Each thread has told of the first sample of its pixel, for all that it has.
         work.tests *= u64::from(added.count);
         work.tiles = u64::from(width.div_ceil(tile[0])) * u64::from(height.div_ceil(tile[1]));
-        Ok(Some(work))
+        Ok(work)
     }
 
     /// As without samples.
@@ -237,30 +374,38 @@ impl<'a> Renderer<'a> {
     }
 
     fn sampling(&self, samples: u32) -> Sampling {
-        let tilings = self.tilings.unwrap_or_else(|| Tilings::of(samples, self.scene.structure().len()));
+        let mut tilings = self.tilings.unwrap_or_else(|| Tilings::of(samples, self.scene.structure().len()));
+        if self.culling.is_some() {
+            tilings.first.tile = [confidence::GROUP_EDGE; 2];
+        }
         Sampling { samples, perspective: self.view.perspective, tilings }
     }
 
     /// Makes the kernels that the picture needs, so that passes do not wait for them.
     pub fn prepare(&mut self, progress: &dyn Progress) -> Result<()> {
-        let Settings { samples, seed, .. } = self.settings;
-        let mut done = 0;
-        while let Some(added) = Samples::after(done, samples, seed) {
-            self.kernels(added.count, progress)?;
+        let (mut done, mut noting) = (0, None);
+        while let Some(added) = self.samples_after(done) {
+            let mut walk = self.walk(&added)?;
+            if walk == Walk::Noting {
+                noting = Some(added.count);
+            } else if noting == Some(added.count) {
+                walk = Walk::Again;
+            }
+            self.kernels(added.count, walk, progress)?;
             done += added.count;
         }
         Ok(())
     }
 
-    fn kernels(&mut self, samples: u32, progress: &dyn Progress) -> Result<Kernels> {
+    fn kernels(&mut self, samples: u32, walk: Walk, progress: &dyn Progress) -> Result<Kernels> {
         let sampling = self.sampling(samples);
         let light = match self.scene.lighting {
             Lighting::Studio(..) => "shade_studio",
             Lighting::Headlight | Lighting::Flat => "shade_open",
         };
         // Texts are long: those of a picture are not put together for every pass.
-        let is_made = |(kernels, of, with): &&(Kernels, Sampling, &str)| {
-            kernels.samples == samples && *of == sampling && *with == light
+        let is_made = |(kernels, of, with, walked): &&(Kernels, Sampling, &str, Walk)| {
+            kernels.samples == samples && *of == sampling && *with == light && *walked == walk
         };
         if let Some((kernels, ..)) = self.made.iter().find(is_made) {
             return Ok(kernels.clone());
@@ -269,18 +414,26 @@ impl<'a> Renderer<'a> {
         let gpu = self.resident.gpu();
         let [first, second] = self.resident.walk_layouts();
         let mut go_on = None;
-        if sampling.tilings.patience > 0 && shape.walked.has_tiles() {
+        if sampling.tilings.patience > 0 && shape.walked.has_tiles() && self.culling.is_none() {
             let text = shape.tiles(sampling, Walk::Second);
             go_on = Some(gpu.pipeline(text, "find_hits", second, progress)?);
         }
+        let find_hits = match (&self.culling, &self.visible) {
+            (Some(culling), _) => culling.pipeline(self.resident, sampling, progress)?,
+            (None, Some(visible)) if walk != Walk::First => {
+                gpu.pipeline(shape.tiles(sampling, walk), "find_hits", visible.layout(), progress)?
+            }
+            _ => gpu.pipeline(shape.hits(sampling), "find_hits", first, progress)?,
+        };
         let kernels = Kernels {
-            find_hits: gpu.pipeline(shape.hits(sampling), "find_hits", first, progress)?,
+            find_hits,
+            beside: None,
             go_on,
             shade: Some(gpu.pipeline(shape.shade(sampling), light, self.resident.pass_layout(), progress)?),
             samples,
             tilings: sampling.tilings,
         };
-        self.made.push((kernels.clone(), sampling, light));
+        self.made.push((kernels.clone(), sampling, light, walk));
         Ok(kernels)
     }
 
@@ -316,10 +469,15 @@ impl<'a> Renderer<'a> {
     }
 
     /// Submits the pass in bands. How long one takes decides how high the next ones are; a pass that fits in one does not wait.
-    fn bands(&mut self, kernels: &Kernels, mut pass: layout::Pass, progress: &dyn Progress) -> Result<()> {
+    fn bands(
+        &mut self,
+        kernels: &Kernels,
+        mut pass: layout::Pass,
+        most_rows: u32,
+        progress: &dyn Progress,
+    ) -> Result<()> {
         let Settings { width, height, .. } = self.settings;
         let gpu = self.resident.gpu();
-        let most_rows = self.film.band_rows(gpu, kernels.samples)?;
         let mut row = 0;
         while row < height {
             if progress.cancelled() {
@@ -361,11 +519,6 @@ pub fn render(
     progress: &dyn Progress,
 ) -> Result<Image> {
     let mut renderer = Renderer::new(resident, scene, camera, settings)?;
-    renderer.prepare(progress)?;
-    let pixels = u64::from(settings.width) * u64::from(settings.height);
-    progress.begin("render", Some(pixels * u64::from(settings.samples)), "samples");
-    while !renderer.is_done() {
-        renderer.pass(progress)?;
-    }
+    renderer.complete(progress)?;
     renderer.image()
 }

@@ -56,19 +56,23 @@ impl Pages {
         Ok(pages)
     }
 
-    /// Declares the pages from `first_binding` on, and the function `name` that reads an element; without pages it reads zeros.
-    pub(super) fn declare(&self, name: &str, first_binding: usize) -> String {
-        declare(name, first_binding, self.buffers.len(), self.shift)
+    /// Declares the pages in `group` from `first_binding` on, and the function `name` that reads an element; without pages it reads
+    /// zeros.
+    pub(super) fn declare(&self, name: &str, group: u32, first_binding: usize) -> String {
+        declare(name, (group, first_binding), self.buffers.len(), self.shift)
     }
 }
 
 /// See [`Pages::declare`].
-pub(super) fn declare(name: &str, first_binding: usize, count: usize, shift: u32) -> String {
+pub(super) fn declare(name: &str, (group, first_binding): (u32, usize), count: usize, shift: u32) -> String {
     let mut text = String::new();
     // Writing to a string cannot fail.
     for page in 0..count {
         let binding = first_binding + page;
-        _ = writeln!(text, "@group(1) @binding({binding}) var<storage, read> {name}_{page}: array<vec4u>;");
+        _ = writeln!(
+            text,
+            "@group({group}) @binding({binding}) var<storage, read> {name}_{page}: array<vec4u>;"
+        );
     }
     _ = writeln!(text, "fn {name}(at: u32) -> vec4u {{");
     if count == 0 {

@@ -1,5 +1,8 @@
 //! A scene in the card's memory: the structure as the CPU has built it, and colors by node.
 
+use std::sync::{Arc, Mutex, PoisonError};
+
+use super::confidence::Grid;
 use super::device::Gpu;
 use super::layout::{self, HitRecord, NONE, RayRecord};
 use super::pages::Pages;
@@ -7,6 +10,7 @@ use super::shader::{Colors, HeapWalk, Heaps, Shape, Sizes, Walked};
 use crate::error::{Error, Result};
 use crate::math::Ray;
 use crate::progress::Progress;
+use crate::render::confidence::DensityGrid;
 use crate::scene::Scene;
 use crate::scene::color::ColorColumn;
 use crate::structure::bvh::{Arrays, SizeArrays};
@@ -30,6 +34,11 @@ pub struct Resident<'a> {
     ray_bindings: wgpu::BindGroupLayout,
     ray_layout: wgpu::PipelineLayout,
     bytes: u64,
+    scene_bindings: wgpu::BindGroupLayout,
+    /// Storage buffers of the scene.
+    buffers: u64,
+    /// The density grid that was counted last, for culling by confidence.
+    grid: Mutex<Option<Arc<Grid>>>,
 }
 
 /// What is loaded.
@@ -200,7 +209,7 @@ impl<'a> Resident<'a> {
         let mut arrays = String::new();
         for (name, bytes) in content.columns() {
             let pages = Pages::upload(gpu, name, bytes, progress)?;
-            arrays += &pages.declare(name, buffers.len());
+            arrays += &pages.declare(name, 1, buffers.len());
             buffers.extend(pages.buffers);
         }
         gpu.flush()?;
@@ -234,6 +243,9 @@ impl<'a> Resident<'a> {
             pass_bindings,
             ray_bindings,
             bytes: content.bytes(),
+            scene_bindings,
+            buffers: (buffers.len() - uniforms) as u64,
+            grid: Mutex::default(),
         })
     }
 
@@ -254,6 +266,35 @@ impl<'a> Resident<'a> {
     /// Memory that the scene takes on the card, in bytes.
     pub fn bytes(&self) -> u64 {
         self.bytes
+    }
+
+    /// Storage buffers that a pass sees: its own and those of the scene.
+    pub(super) fn buffers(&self) -> u64 {
+        PASS_BUFFERS + self.buffers
+    }
+
+    /// A layout of the pass, the scene, and what else a kernel has.
+    pub(super) fn layout_with(&self, others: &wgpu::BindGroupLayout) -> wgpu::PipelineLayout {
+        self.gpu.pipeline_layout(&[&self.pass_bindings, &self.scene_bindings, others])
+    }
+
+    /// The density grid of so many slices of the scene that was loaded, counted at most once in a row.
+    pub(super) fn grid(
+        &self,
+        structure: &Structure,
+        voxel_count: u32,
+        progress: &dyn Progress,
+    ) -> Result<Arc<Grid>> {
+        let mut kept = self.grid.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(grid) = kept.as_ref().filter(|grid| grid.voxel_count == voxel_count) {
+            return Ok(grid.clone());
+        }
+        // The one before makes room first.
+        *kept = None;
+        let counted = DensityGrid::new(structure, voxel_count)?;
+        let grid = Arc::new(Grid::new(self.gpu, &counted, voxel_count, progress)?);
+        *kept = Some(grid.clone());
+        Ok(grid)
     }
 
     pub(super) fn shape(&self) -> &Shape {
@@ -304,9 +345,16 @@ impl<'a> Resident<'a> {
         Ok(found)
     }
 
-    /// What the kernel `evaluate` of a text makes of records, a vector each: for tests of formulas.
+    /// What the kernel `evaluate` of a text makes of records, a vector each: for tests of formulas. `others` is what it is bound to besides
+    /// the scene.
     #[cfg(test)]
-    pub(super) fn evaluate(&self, text: String, inputs: &[u8], count: usize) -> Vec<[f32; 4]> {
+    pub(super) fn evaluate(
+        &self,
+        text: String,
+        inputs: &[u8],
+        count: usize,
+        others: Option<(&wgpu::BindGroupLayout, &wgpu::BindGroup)>,
+    ) -> Vec<[f32; 4]> {
         let storage = wgpu::BufferUsages::STORAGE;
         let usage = storage | wgpu::BufferUsages::COPY_DST;
         let input = self.gpu.buffer("inputs", inputs.len() as u64, usage).unwrap();
@@ -314,7 +362,22 @@ impl<'a> Resident<'a> {
         let outputs =
             self.gpu.buffer("outputs", 16 * count as u64, storage | wgpu::BufferUsages::COPY_SRC).unwrap();
         let group = self.gpu.bind(&self.ray_bindings, &[&input, &outputs]);
-        let submitted = self.dispatch(text, "evaluate", &group, count.div_ceil(64) as u32, &()).unwrap();
+        let mut layouts = vec![&self.ray_bindings, &self.scene_bindings];
+        layouts.extend(others.map(|(layout, _)| layout));
+        let layout = self.gpu.pipeline_layout(&layouts);
+        let pipeline = self.gpu.pipeline(text, "evaluate", &layout, &()).unwrap();
+        let mut encoder = self.gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        {
+            let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
+            pass.set_bind_group(0, &group, &[]);
+            pass.set_bind_group(1, &self.group, &[]);
+            if let Some((_, others)) = others {
+                pass.set_bind_group(2, others, &[]);
+            }
+            pass.set_pipeline(&pipeline);
+            pass.dispatch_workgroups(count.div_ceil(64) as u32, 1, 1);
+        }
+        let submitted = self.gpu.submit(encoder);
         self.gpu.wait(submitted).unwrap();
         self.gpu.read(&outputs, 0..outputs.size(), |values: &[[f32; 4]]| values.to_vec()).unwrap()
     }
@@ -390,7 +453,7 @@ pub(super) enum Binding {
 
 impl Gpu {
     /// A layout that begins with `bindings` and goes on with buffers that are read, `count` in all.
-    fn layout(&self, bindings: &[Binding], count: usize) -> wgpu::BindGroupLayout {
+    pub(super) fn layout(&self, bindings: &[Binding], count: usize) -> wgpu::BindGroupLayout {
         let entry = |binding: usize| wgpu::BindGroupLayoutEntry {
             binding: binding as u32,
             visibility: wgpu::ShaderStages::COMPUTE,
@@ -410,7 +473,7 @@ impl Gpu {
             .create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label: None, entries: &entries })
     }
 
-    fn pipeline_layout(&self, groups: &[&wgpu::BindGroupLayout]) -> wgpu::PipelineLayout {
+    pub(super) fn pipeline_layout(&self, groups: &[&wgpu::BindGroupLayout]) -> wgpu::PipelineLayout {
         let groups: Vec<_> = groups.iter().map(|&group| Some(group)).collect();
         self.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
             label: None,
