@@ -33,7 +33,6 @@ pub(super) const HEADINGS: [&str; 12] = [
 
 impl Bench<'_> {
     /// A row: frames a second of one camera with every way of culling.
-    #[expect(clippy::too_many_arguments, reason = "what is measured, by name")]
     pub(super) fn culled(
         &self,
         set: &str,
