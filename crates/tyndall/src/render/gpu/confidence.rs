@@ -11,7 +11,7 @@ use super::layout::{self, Level};
 use super::pages::Pages;
 use super::resident::{Binding, Resident};
 use super::shader::Sampling;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::progress::Progress;
 use crate::render::confidence::{
     Accumulator, DensityGrid, Interpolation, Neighborhood, Options, Population, Report,
@@ -37,8 +37,8 @@ pub(super) struct Grid {
 }
 
 impl Grid {
-    /// Counts the particles and copies the counts. Fails with [`crate::Error::Setting`] if there would be too many voxels, with
-    /// [`crate::Error::Memory`] if the card has no room for them.
+    /// Counts the particles and copies the counts. Fails with [`Error::Setting`] if there would be too many voxels, with
+    /// [`Error::Memory`] if the card has no room for them.
     pub(super) fn new(
         gpu: &Gpu,
         grid: &DensityGrid,
@@ -95,7 +95,8 @@ pub(super) struct Confidence {
 }
 
 impl Confidence {
-    /// For pictures of `size` pixels, which know nothing yet. Fails with [`crate::Error::Memory`] if they do not fit.
+    /// For pictures of `size` pixels, which know nothing yet. Fails with [`Error::Memory`] if they do not fit, with [`Error::Device`] if the
+    /// card's kernels see too few buffers.
     pub(super) fn new(
         resident: &Resident,
         grid: Arc<Grid>,
@@ -105,7 +106,9 @@ impl Confidence {
         let gpu = resident.gpu();
         let buffers = resident.buffers() + FRAME_BUFFERS + grid.pages.buffers.len() as u64;
         if buffers > gpu.storage_buffers() {
-            return Err(gpu.too_small("the density grid", grid.bytes));
+            let (name, most) = (&gpu.info().name, gpu.storage_buffers());
+            let what = format!("{name} gives a kernel {most} buffers, culling by confidence needs {buffers}");
+            return Err(Error::Device(format!("{what} — use --device cpu, or --culling certified")));
         }
         let accumulator = Accumulator::new(options.sample_budget, options.population);
         let (kernel, level) = match options.neighborhood {
@@ -241,7 +244,7 @@ impl Confidence {
         u64::from(self.record.voxels.into_iter().max().unwrap_or(0)) + 3
     }
 
-    /// How many rows a band may have; `step` at least. Fails with [`crate::Error::Memory`] if not even these fit.
+    /// How many rows a band may have; `step` at least. Fails with [`Error::Memory`] if not even these fit.
     pub(super) fn band_rows(&self, gpu: &Gpu, step: u32) -> Result<u32> {
         let row_bytes = 4 * self.entries() * u64::from(self.size[0]);
         if row_bytes * u64::from(step) > gpu.binding_bytes() {
