@@ -422,6 +422,7 @@ fn written(outline: &Outline) -> layout::Bvh {
     let mut written = layout::Bvh {
         top: outline.top(),
         particles: outline.particles as u32,
+        radius_scale: 1.0,
         radii: *outline.table(),
         radius: if let Law::Uniform(radius) = outline.law() { *radius } else { 0.0 },
         ..bytemuck::Zeroable::zeroed()
