@@ -67,7 +67,7 @@ fn hits_of(ray: Ray, place: vec2u, sample: u32) -> Met {
             left_children[level] = in_order(cross_children(ray, inverse, place_of(level, index), ray.t_max));
         } else {
             for (var part = 0u; part < 4u; part++) {
-                let t = enter_four(ray, four_of(index, part));
+                let t = enter_four(ray, index, part);
                 for (var lane = 0u; lane < 4u; lane++) {
                     let node = 16u * index + 4u * part + lane;
                     if t[lane] < FAR && node < bvh.particles {
