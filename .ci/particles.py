@@ -71,7 +71,8 @@ assert data.GetNumberOfVerts() == 1, data.GetNumberOfVerts()
 
 from pxr import Usd, UsdGeom
 
-points = UsdGeom.Points(Usd.Stage.Open(convert("a.usda")).GetDefaultPrim())
+stage = Usd.Stage.Open(convert("a.usda"))
+points = UsdGeom.Points(stage.GetDefaultPrim())
 same("USD", points.GetPointsAttr().Get(), position)
 same("USD widths", points.GetWidthsAttr().Get(), 2 * radius)
 

@@ -1,6 +1,6 @@
 //! Particles to files: the extension says which format, and a file appears whole or not at all.
 //!
-//! A format is a file here and a line in [`FORMATS`]. What a format cannot hold is said, not dropped in silence.
+//! A format is a file here and a line in `FORMATS`. What a format cannot hold is said, not dropped in silence.
 
 mod bgeo;
 mod gltf;
