@@ -17,7 +17,8 @@ use tyndall::scene::light::Lighting;
 use tyndall::scene::outline::Outline;
 use tyndall::scene::viewpoint::{Lens, Motion, Viewpoint, too_small, why_unseen};
 use tyndall::scene::{Scene, short};
-use tyndall::structure::{Kind, Packing, Spheres, Structure};
+use tyndall::structure::saved::RadiiOf;
+use tyndall::structure::{Kind, Spheres, Structure};
 use tyndall::{Error, Source};
 use tyndall_io::write::{self, ImageOptions};
 use tyndall_io::{Parts, Saved, Sequence};
@@ -211,8 +212,8 @@ impl<'a> Job<'a> {
             return Some(format!("it has {own}, radius {} is asked for", short(radius.into())));
         }
         // Packed radii are right to a share of the radius that they were packed with.
-        let is_packed = matches!(saved.kind(), Kind::Bvh(packing) if packing != Packing::Exact);
-        (is_packed && uniform.is_none() && self.args.look.radius_scale != 1.0)
+        let is_packed = saved.structure.saved().is_some_and(|(facts, _)| facts.radii == RadiiOf::Packed);
+        (is_packed && self.args.look.radius_scale != 1.0)
             .then(|| "its radii are packed, and --radius-scale changes them".into())
     }
 

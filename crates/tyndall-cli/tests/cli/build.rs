@@ -97,7 +97,7 @@ fn what_cannot_be_built_says_why_and_writes_nothing() {
         .line("build a.xyz -o b.tyn --fields speed")
         .fails(2, &["--fields cannot be 'speed'", "species c_pe"]);
     folder.line("build a.xyz -o b.tyn --frame 3").fails(2, &["--frame cannot be '3'"]);
-    folder.line("build synthetic:packed?n=1e11 -o b.tyn").fails(4, &["needs"]);
+    folder.line("build synthetic:packed?n=4e9 -o b.tyn").fails(4, &["needs"]);
     folder.line("info a.xyz --check").fails(2, &["for .tyn files only"]);
     let told = folder.line("build a.xyz -o b.tyn --dry-run").out;
     assert!(told.contains("dry run: memory ") && told.contains("nothing written"), "{told}");
