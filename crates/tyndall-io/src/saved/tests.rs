@@ -61,7 +61,7 @@ fn write(path: &Path, sections: &[(String, String, Vec<u8>)]) {
 /// Uses all of what was opened: pictures in light, single rays, filters, radii that are scaled.
 fn use_all(opened: Saved) {
     let Saved { mut structure, particles, .. } = opened;
-    for k in 0..60 {
+    for k in 0..24 {
         let direction = Vec3::new((k as f32).sin(), (1.7 * k as f32).cos(), 0.3).normalize();
         let ray = Ray { origin: Vec3::splat(0.5) - 3.0 * direction, direction, t_min: 0.0, t_max: 1e9 };
         structure.intersect(&ray, None).inspect(|hit| assert!((hit.node as usize) < structure.len()));
@@ -107,7 +107,7 @@ fn whatever_the_arrays_hold_nothing_panics_and_all_ends() {
     };
     let (mut opened_count, mut refused_count) = (0, 0);
     for (kind, each) in kinds().into_iter().flat_map(|kind| [(kind, false), (kind, true)]) {
-        let whole = sections(&path, kind, 300, each);
+        let whole = sections(&path, kind, 200, each);
         for target in 0..whole.len() {
             if !whole[target].0.starts_with("structure.") && whole[target].0 != "attribute.0" {
                 continue;
