@@ -8,6 +8,7 @@ mod columns;
 mod filters;
 mod gadget;
 mod h5md;
+mod neighbors;
 mod openpmd;
 mod plain;
 mod tree;

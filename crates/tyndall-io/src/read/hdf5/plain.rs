@@ -159,7 +159,7 @@ pub(super) fn frame(tree: &Tree, number: usize, options: &Options, progress: &dy
         }
     };
 
-    let (mut columns, mut values) = (Vec::new(), Vec::new());
+    let (mut columns, mut values, mut warnings) = (Vec::new(), Vec::new(), Vec::new());
     let mut left_out = Vec::new();
     for name in group.datasets()?.into_iter().filter(|it| !names.contains(it)) {
         let data = dataset(&name)?;
@@ -172,15 +172,20 @@ pub(super) fn frame(tree: &Tree, number: usize, options: &Options, progress: &dy
             .into_iter()
             .find_map(|it| attributes.text(it))
             .filter(|it| !it.is_empty());
-        let rows = data.rows(&[])?;
-        columns.push(Column { unit, ..Column::new(name, rows.width) });
-        values.push(Input::Rows(rows));
+        match data.quantity(&[])? {
+            Ok(rows) => {
+                columns.push(Column { unit, ..Column::new(name, rows.width) });
+                values.push(Input::Rows(rows));
+            }
+            Err(why) => warnings.push(format!("left out: {name} ({why})")),
+        }
     }
     let run = Run { count, positions, values };
     let mut gathered = columns::gather(tree, &columns, &[run], None, tree.bytes(), progress)?;
     gathered.time = group.attributes()?.number("TimeValue").or(group.attributes()?.number("time"));
     let conventions = vec![format!("positions: data set {}", place.path())];
-    let warning = format!("left out: {} (no {count} rows of numbers)", left_out.join(", "));
-    let warnings = if left_out.is_empty() { Vec::new() } else { vec![warning] };
+    if !left_out.is_empty() {
+        warnings.push(format!("left out: {} (no {count} rows of numbers)", left_out.join(", ")));
+    }
     records::frame(gathered, conventions, warnings)
 }
