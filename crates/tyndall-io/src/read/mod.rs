@@ -564,6 +564,18 @@ mod tests {
     }
 
     #[test]
+    fn every_format_has_a_sample_for_the_tests_that_damage_files() {
+        let data = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data");
+        let files = ["samples", "hdf5"].map(|it| std::fs::read_dir(data.join(it)).unwrap());
+        let known = files.into_iter().flatten().filter_map(|it| {
+            recognise(&it.unwrap().path(), &Options::default()).ok().map(|(format, _)| format.title)
+        });
+        let known: Vec<&str> = known.collect();
+        let without = FORMATS.iter().map(|it| it.title).filter(|it| !known.contains(it));
+        assert_eq!(without.collect::<Vec<_>>(), [""; 0], "add a small file to tests/data/samples");
+    }
+
+    #[test]
     fn the_empty_and_the_unknown_say_so() {
         assert!(title("d.xyz", b"").unwrap_err().starts_with("the file is empty"));
         assert!(title("e.xyz", b"\n \n").unwrap_err().contains("nothing but blanks"));

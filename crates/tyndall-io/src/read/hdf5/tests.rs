@@ -124,6 +124,14 @@ fn what_is_no_quantity_or_needs_another_filter_is_left_out() {
 }
 
 #[test]
+fn groups_that_hold_each_other_are_looked_into_once() {
+    let begin = std::time::Instant::now();
+    assert_eq!(open("circle.h5").frame(0, &()).unwrap().particles.len(), 2);
+    // Else the twelve links of each of eight levels are four hundred million groups.
+    assert!(begin.elapsed().as_secs() < 20);
+}
+
+#[test]
 fn linked_data_sets_are_measured_by_the_files_that_they_are_in() {
     assert_eq!(open("linked.h5").frame(0, &()).unwrap().particles.len(), 100_000);
 }

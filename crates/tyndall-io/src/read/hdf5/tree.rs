@@ -160,6 +160,11 @@ impl<'a> Group<'a> {
         &self.path
     }
 
+    /// What tells it from every other group, by whatever path it was come to: links may lead in circles.
+    pub(super) fn identity(&self) -> (usize, u64) {
+        (std::ptr::from_ref(self.group.storage()).addr(), self.group.address())
+    }
+
     fn child(&self, name: &str) -> String {
         if self.path.is_empty() { name.to_string() } else { format!("{}/{name}", self.path) }
     }

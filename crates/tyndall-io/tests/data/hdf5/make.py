@@ -135,6 +135,15 @@ def linked():
         file["Coordinates"] = h5py.ExternalLink("linked_to.h5", "/points")
 
 
+def circle():
+    """A group that has itself as a member under twelve names, and the positions."""
+    with h5py.File("circle.h5", "w") as file:
+        group = file.create_group("a")
+        for number in range(12):
+            group[f"b{number}"] = group
+        group["points"] = np.arange(6.0).reshape(2, 3)
+
+
 def h5md():
     """Two particles in three frames, velocities in every second, species fixed and named, a growing box."""
     with h5py.File("fixed_and_varying.h5md", "w") as file:
@@ -224,6 +233,7 @@ virtual()
 filters()
 left_out()
 linked()
+circle()
 h5md()
 openpmd()
 plain()
