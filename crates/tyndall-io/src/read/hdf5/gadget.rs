@@ -9,8 +9,9 @@ use std::path::PathBuf;
 
 use tyndall::{Cell, DVec3, Progress, Result};
 
+use super::attributes::Attributes;
 use super::columns::{self, Input, Run};
-use super::tree::{Attributes, Data, Group, Tree};
+use super::tree::{Data, Group, Tree};
 use crate::read::content;
 use crate::read::records;
 use crate::read::sections::Column;

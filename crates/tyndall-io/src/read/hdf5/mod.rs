@@ -4,6 +4,7 @@
 //! sets are positions and quantities (`Run`), and `columns.rs` brings their rows into columns, some thousand at a time, so that
 //! no data set is held as a whole beside its column.
 
+mod attributes;
 mod columns;
 mod filters;
 mod gadget;
