@@ -139,13 +139,13 @@ fn check(files: &[PathBuf], time: Duration) {
 
 #[test]
 fn samples_that_are_damaged_are_refused_or_read() {
-    check(&samples(), Duration::from_secs(30));
+    check(&samples(), Duration::from_secs(5));
 }
 
 #[test]
 fn real_files_that_are_damaged_are_refused_or_read() {
     let files = shared(1 << 20);
     if !files.is_empty() {
-        check(&files, Duration::from_secs(15));
+        check(&files, Duration::from_secs(5));
     }
 }
