@@ -43,8 +43,7 @@ pub(crate) fn read(sequence: &Sequence, number: usize, input: &Input, report: &R
 
 /// The structure that the first of the files has, if it has one.
 pub(crate) fn saved_kind(files: &[PathBuf]) -> Option<Kind> {
-    let first = files.first().filter(|path| path.is_file())?;
-    saved::kind_of(first)
+    saved::kind_of(files.first()?)
 }
 
 /// Says what is wrong with the frame called `name`, of which there are warnings, or refuses it.
