@@ -186,7 +186,7 @@ impl Elements {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::particles::Columns;
+    use crate::particles::{Columns, Values};
     use glam::DVec3;
 
     fn symbol(element: Option<Element>) -> &'static str {

@@ -354,7 +354,7 @@ fn rule<'a>(kept: &'a [Selectable<Column>], filter: &Filter) -> Result<(&'a Colu
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::particles::{Attribute, Cell, Columns, Radii};
+    use crate::particles::{Attribute, Cell, Columns, Radii, Values};
     use crate::scene::color::ParticleColors;
     use crate::scene::light::Lighting;
     use crate::structure::{Kind, Structure};
