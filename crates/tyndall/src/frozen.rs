@@ -8,6 +8,7 @@ use std::fmt::{self, Debug, Formatter};
 use std::marker::PhantomData;
 use std::ops::{Deref, Range};
 use std::panic::{RefUnwindSafe, UnwindSafe};
+use std::slice::Iter;
 use std::sync::Arc;
 
 use bytemuck::Pod;
@@ -48,6 +49,15 @@ impl<T> Deref for Frozen<T> {
     #[inline(always)]
     fn deref(&self) -> &[T] {
         self.0.get()
+    }
+}
+
+impl<'a, T> IntoIterator for &'a Frozen<T> {
+    type Item = &'a T;
+    type IntoIter = Iter<'a, T>;
+
+    fn into_iter(self) -> Iter<'a, T> {
+        self.iter()
     }
 }
 

@@ -197,7 +197,7 @@ impl Treelets {
             count: children.existing.count_ones(),
             unused: [0; 3],
         };
-        let nodes: Vec<NodeRecord> = self.nodes.iter().zip(self.children.iter()).map(record).collect();
+        let nodes: Vec<NodeRecord> = self.nodes.iter().zip(&self.children).map(record).collect();
         // A node stands before its children.
         let mut depths = vec![1; nodes.len()];
         for (place, node) in nodes.iter().enumerate() {
