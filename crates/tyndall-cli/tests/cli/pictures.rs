@@ -346,7 +346,10 @@ fn all_frames_become_a_movie() {
     let folder = Folder::new();
     folder.file("a.xyz", line_of(4).repeat(5));
     let said = folder.render("a.xyz -o all.gif --samples 1 --fps 10").fine();
-    assert!(said.contains("all.gif  picture 5") && said.contains("all.gif  5 pictures, 10 a second"), "{said}");
+    assert!(
+        said.contains("all.gif  picture 5") && said.contains("all.gif  5 pictures, 10 a second"),
+        "{said}"
+    );
     let said = folder.render("a.xyz -o all.mp4 --samples 1 --size 33x20 --encoder built-in").fine();
     assert!(said.contains("34x20") && said.contains("encoder built in"), "{said}");
     folder.render("a.xyz -o turn.webp --alpha --samples 1 --frame 2 --orbit 360 --frame-count 3 -q").fine();
