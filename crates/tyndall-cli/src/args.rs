@@ -42,6 +42,8 @@ pub(crate) enum Verb {
     Render(Box<Render>),
     /// Says what is in a file
     Info(Info),
+    /// Saves particles with their structure, in a file that opens at once
+    Build(Box<Build>),
     /// Writes particles in another format
     Convert(Box<Convert>),
     /// Lists what can render: the processor and the graphics cards
@@ -85,7 +87,7 @@ pub(crate) struct Input {
     /// only (XTC, TRR, DCD, AMBER NetCDF) names their particles: topol.gro traj.xtc
     #[arg(required = true, value_name = "FILE", help_heading = None)]
     pub(crate) files: Vec<PathBuf>,
-    /// Format, instead of recognising it: lammps lammps-binary lammps-data xyz gro xtc trr dcd amber pdb cif bcif gsd gadget tipsy
+    /// Format, instead of recognising it: tyn lammps lammps-binary lammps-data xyz gro xtc trr dcd amber pdb cif bcif gsd gadget tipsy
     /// hdf5 ply npy bgeo geo prt ptc pda mmpld vtk las e57 pcd pts csv
     #[arg(long, value_name = "NAME")]
     pub(crate) format: Option<String>,
@@ -438,6 +440,9 @@ pub(crate) struct Info {
     /// Prints one JSON object
     #[arg(long)]
     pub(crate) json: bool,
+    /// Reads a .tyn file as a whole and compares it with its checksums
+    #[arg(long)]
+    pub(crate) check: bool,
     #[command(flatten)]
     pub(crate) common: Common,
 }
@@ -462,6 +467,34 @@ pub(crate) struct Convert {
     /// Leaves files that are there already
     #[arg(long)]
     pub(crate) skip_existing: bool,
+    #[command(flatten)]
+    pub(crate) common: Common,
+}
+
+#[derive(Args)]
+pub(crate) struct Build {
+    #[command(flatten)]
+    pub(crate) input: Input,
+    /// The file: its extension is .tyn
+    #[arg(short, long, value_name = "OUT")]
+    pub(crate) output: PathBuf,
+    /// Names of the attributes to save: id,velocity; that of the radii is always saved [default: all]
+    #[arg(long, value_name = "NAMES", value_delimiter = ',')]
+    pub(crate) fields: Option<Vec<String>>,
+    /// The frame to save, counted from 0; -1 is the last [default: the first]
+    #[arg(long, value_name = "N", allow_hyphen_values = true)]
+    pub(crate) frame: Option<i64>,
+    /// One radius for all particles [default: the file's, else by element, else half the usual distance]
+    #[arg(long, value_name = "R", value_parser = length, allow_hyphen_values = true)]
+    pub(crate) radius: Option<f32>,
+    #[command(flatten)]
+    pub(crate) structure: StructureArgs,
+    /// Memory that may be used, such as 500M or 16G, instead of all that is free
+    #[arg(long, value_name = "BYTES", value_parser = crate::values::bytes)]
+    pub(crate) memory: Option<u64>,
+    /// Says how much memory and disk it would take, and stops
+    #[arg(long)]
+    pub(crate) dry_run: bool,
     #[command(flatten)]
     pub(crate) common: Common,
 }

@@ -44,7 +44,8 @@ pub(crate) fn run(args: &args::Convert, report: &Report) -> Outcome<()> {
                 return Err(Error::Interrupted);
             }
             let frame = sequence.frame(frames[place], report.progress())?;
-            input::tell(&sequence.name(frames[place]), &frame, &args.input, report)?;
+            let told = (&frame.particles, &frame.warnings[..]);
+            input::tell(&sequence.name(frames[place]), told, &args.input, report)?;
             particles += frame.particles.len();
             Ok(frame.particles)
         })

@@ -52,6 +52,16 @@ pub(crate) fn tell(work: &Work, pictures: usize, report: &Report) -> Outcome<()>
     report.out(&format!("dry run: memory {needed}{available}; time without reading {time} on {threads} threads, up to ten times that if most particles are smaller than a pixel; nothing written\n"))
 }
 
+/// Says what a saved structure would cost.
+pub(crate) fn tell_build(work: &Work, report: &Report) -> Outcome<()> {
+    let needed = bytes(work.memory_bytes());
+    let available = available_bytes().map_or(String::new(), |free| format!(" of {} available", bytes(free)));
+    let (file, each) = (bytes(work.saved_bytes()), seconds(work.seconds(rayon::current_num_threads())));
+    report.out(&format!(
+        "dry run: memory {needed}{available}; file about {file}; time without reading and writing about {each}; nothing written\n"
+    ))
+}
+
 /// Says what pictures of a medium would cost; fails if the memory is less than that.
 pub(crate) fn tell_medium(
     work: &estimate::Work,

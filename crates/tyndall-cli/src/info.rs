@@ -1,16 +1,17 @@
 //! `tyndall info`: what is in a file, for people or as JSON.
 
+use tyndall::Error;
 use tyndall::particles::{Attribute, Particles};
 use tyndall::render::Settings;
 use tyndall::render::estimate::Work;
 use tyndall::scene::{grouped, short};
 use tyndall::structure::Kind;
-use tyndall_io::{Frame, Sequence};
+use tyndall_io::{Frame, Saved, Sequence};
 
 use crate::args;
-use crate::report::{Outcome, Report, counted};
+use crate::report::{Outcome, Report, bytes, counted};
 use crate::values::frame as frame_number;
-use crate::{dry_run, input, json};
+use crate::{dry_run, input, json, structure};
 
 /// Describes a frame.
 pub(crate) fn run(args: &args::Info, report: &Report) -> Outcome<()> {
@@ -19,15 +20,39 @@ pub(crate) fn run(args: &args::Info, report: &Report) -> Outcome<()> {
     dry_run::check_memory(&work, work.memory_bytes(), None)?;
     let sequence = input::open(&args.input, report)?;
     let number = frame_number(args.frame, sequence.len())?;
-    let frame = input::read(&sequence, number, &args.input, report)?;
+    let saved = sequence.saved(number)?;
+    if args.check {
+        let allowed = "for .tyn files only: others have no checksums that Tyndall knows";
+        let saved =
+            saved.as_ref().ok_or_else(|| Error::setting("--check", sequence.name(number), allowed))?;
+        saved.check(report.progress())?;
+    }
+    let mut structure = saved.as_ref().map(described);
+    if let Some(text) = structure.as_mut().filter(|_| args.check) {
+        text.push_str(" · all checksums right");
+    }
+    let frame = match saved {
+        Some(Saved { particles, conventions, warnings, .. }) => {
+            input::tell(&sequence.name(number), (&particles, &warnings), &args.input, report)?;
+            Frame { particles, conventions, warnings }
+        }
+        None => input::read(&sequence, number, &args.input, report)?,
+    };
     match args.json {
         true => report.out(&json::describe(&sequence, number, &frame)),
-        false => report.out(&text(&sequence, number, &frame)),
+        false => report.out(&text(&sequence, number, &frame, structure)),
     }
 }
 
+/// What a file says about its structure.
+fn described(saved: &Saved) -> String {
+    let kind = structure::name(saved.kind());
+    let each = bytes(saved.structure.bytes());
+    format!("structure {kind} · {each} · {} · written by {}", saved.guesses.radii, saved.writer())
+}
+
 /// A few lines for people.
-fn text(sequence: &Sequence, number: usize, frame: &Frame) -> String {
+fn text(sequence: &Sequence, number: usize, frame: &Frame, structure: Option<String>) -> String {
     let particles = &frame.particles;
     let frames = counted(sequence.len(), "frame");
     let files = match sequence.paths() {
@@ -53,6 +78,7 @@ fn text(sequence: &Sequence, number: usize, frame: &Frame) -> String {
         true => "columns position".to_string(),
         false => format!("columns position · {}", columns.join(" · ")),
     });
+    lines.extend(structure);
     let dropped = particles.dropped().total();
     if dropped > 0 {
         lines.push(format!("dropped {} that cannot be drawn", grouped(dropped as usize)));

@@ -3,8 +3,9 @@
 use std::path::PathBuf;
 
 use tyndall::scene::grouped;
-use tyndall::{Error, synthetic};
-use tyndall_io::{Frame, Options, Sequence};
+use tyndall::structure::Kind;
+use tyndall::{Error, Particles, synthetic};
+use tyndall_io::{Frame, Options, Sequence, saved};
 
 use crate::args::{Coords, Input, OnBad};
 use crate::report::{Outcome, Report};
@@ -36,15 +37,25 @@ pub(crate) fn known_count(files: &[PathBuf]) -> Outcome<u64> {
 /// Reads a frame and says what is wrong with it.
 pub(crate) fn read(sequence: &Sequence, number: usize, input: &Input, report: &Report) -> Outcome<Frame> {
     let frame = sequence.frame(number, report.progress())?;
-    tell(&sequence.name(number), &frame, input, report)?;
+    tell(&sequence.name(number), (&frame.particles, &frame.warnings), input, report)?;
     Ok(frame)
 }
 
-/// Says what is wrong with the frame called `name`, or refuses it.
-pub(crate) fn tell(name: &str, frame: &Frame, input: &Input, report: &Report) -> tyndall::Result<()> {
-    let dropped = frame.particles.dropped();
+/// The structure that the first of the files has, if it has one.
+pub(crate) fn saved_kind(files: &[PathBuf]) -> Option<Kind> {
+    saved::kind_of(files.first()?)
+}
+
+/// Says what is wrong with the frame called `name`, of which there are warnings, or refuses it.
+pub(crate) fn tell(
+    name: &str,
+    (particles, warnings): (&Particles, &[String]),
+    input: &Input,
+    report: &Report,
+) -> tyndall::Result<()> {
+    let dropped = particles.dropped();
     if input.on_bad == OnBad::Error && dropped.total() > 0 {
-        let all = frame.particles.len() as u64 + dropped.total();
+        let all = particles.len() as u64 + dropped.total();
         let what = format!(
             "{} of {} particles cannot be drawn ({} NaN or infinite positions, {} bad radii)",
             grouped(dropped.total() as usize),
@@ -54,7 +65,7 @@ pub(crate) fn tell(name: &str, frame: &Frame, input: &Input, report: &Report) ->
         );
         return Err(Error::format(name, "", what, "--on-bad drop leaves them out"));
     }
-    for warning in &frame.warnings {
+    for warning in warnings {
         match dropped.total() > 0 && warning.starts_with("dropped") {
             true => report.warn(&format!("{warning}; --on-bad error to stop")),
             false => report.warn(warning),

@@ -1,7 +1,7 @@
 //! A frame as one JSON object, for scripts. Keys do not change; numbers have as many digits as the file's type holds.
 
 use serde_json::{Map, Value, json};
-use tyndall::particles::{Attribute, Particles, Values};
+use tyndall::particles::{Attribute, Particles, Values, View};
 use tyndall_io::{Frame, Sequence};
 
 /// The object, and a line end.
@@ -56,16 +56,16 @@ fn particle(particles: &Particles, id: usize) -> Option<Value> {
 
 /// One value; what is no number has none in JSON.
 fn value(values: &Values, place: usize) -> Value {
-    match values {
+    match values.view() {
         // Through its shortest digits, so that 0.8 is not told as 0.800000011920929.
-        Values::F32(column) => {
+        View::F32(column) => {
             json!(column[place].to_string().parse::<f64>().ok().filter(|it| it.is_finite()))
         }
-        Values::F64(column) => json!(Some(column[place]).filter(|it| it.is_finite())),
-        Values::I32(column) => json!(column[place]),
-        Values::I64(column) => json!(column[place]),
-        Values::U8(column) => json!(column[place]),
-        Values::Text { codes, names } => json!(names[codes[place] as usize]),
+        View::F64(column) => json!(Some(column[place]).filter(|it| it.is_finite())),
+        View::I32(column) => json!(column[place]),
+        View::I64(column) => json!(column[place]),
+        View::U8(column) => json!(column[place]),
+        View::Text { codes, names } => json!(names.get(codes[place] as usize)),
     }
 }
 

@@ -9,6 +9,7 @@ mod bench_density;
 #[cfg(feature = "gpu")]
 mod bench_gpu;
 mod bench_medium;
+mod build;
 mod convert;
 mod culling;
 mod device;
@@ -47,6 +48,7 @@ fn main() -> ExitCode {
     let done = match cli.verb {
         Verb::Render(args) => with(&args.common, |report| render::run(&args, report)),
         Verb::Info(args) => with(&args.common, |report| info::run(&args, report)),
+        Verb::Build(args) => with(&args.common, |report| build::run(&args, report)),
         Verb::Convert(args) => with(&args.common, |report| convert::run(&args, report)),
         Verb::Devices(args) => with(&args.common, device::list),
         Verb::Bench(args) => with(&args.common, |report| bench::run(&args, report)),

@@ -12,16 +12,18 @@ use tyndall::scene::automatic::{self, Outliers};
 use tyndall::scene::camera::{Camera, VERTICAL_ANGLE};
 use tyndall::scene::color::{ParticleColors, resolve};
 use tyndall::scene::coloring::{Norm, Range};
+use tyndall::scene::guesses::{Guesses, Shown};
 use tyndall::scene::light::Lighting;
 use tyndall::scene::outline::Outline;
 use tyndall::scene::viewpoint::{Lens, Motion, Viewpoint, too_small, why_unseen};
 use tyndall::scene::{Scene, short};
+use tyndall::structure::saved::RadiiOf;
 use tyndall::structure::{Kind, Spheres, Structure};
 use tyndall::{Error, Source};
 use tyndall_io::write::ImageOptions;
-use tyndall_io::{Parts, Sequence};
+use tyndall_io::{Parts, Saved, Sequence};
 
-use crate::args::{self, LightLook, Mode};
+use crate::args::{self, Builder, LightLook, Mode};
 use crate::device::{self, Held, Renders};
 use crate::output::{Output, Pattern};
 use crate::plan::{self, Picture};
@@ -70,12 +72,29 @@ struct Kept {
     range: Option<(Norm, Range)>,
 }
 
+/// What a saved structure brings along.
+struct Opened {
+    structure: Structure,
+    guesses: Guesses,
+    /// Particles that stand for all.
+    sample: Particles,
+}
+
+impl Opened {
+    fn spheres(&self, radius_scale: f32) -> Spheres<'_> {
+        let radii = self.sample.radii().unwrap_or(&Radii::Uniform(0.0));
+        Spheres { particles: &self.sample, radii, radius_scale }
+    }
+}
+
 /// The command line, translated.
 struct Job<'a> {
     args: &'a args::Render,
     report: &'a Report,
     settings: Settings,
     structure: Kind,
+    /// Whether another structure will not do.
+    is_structure_asked_for: bool,
     viewpoint: Viewpoint,
     background: Option<[f32; 3]>,
     pattern: Pattern,
@@ -92,7 +111,11 @@ impl<'a> Job<'a> {
             options.check()?;
         }
         let settings = Settings { width, height, samples, seed: *seed, culling };
-        let structure = structure::kind(&args.method.structure)?;
+        let asked = structure::kind(&args.method.structure)?;
+        let is_structure_asked_for = args.method.structure.structure.is_some() || asked != Kind::default();
+        // A file's own structure is as good as any other.
+        let saved = input::saved_kind(&args.input.files).filter(|_| !is_structure_asked_for);
+        let structure = saved.unwrap_or(asked);
         let background = match background.unwrap_or(Background::Color([1.0; 3])) {
             Background::Nothing => None,
             Background::Color(color) => Some(color),
@@ -106,6 +129,7 @@ impl<'a> Job<'a> {
             report,
             settings,
             structure,
+            is_structure_asked_for,
             viewpoint: viewpoint(args)?,
             background: background.filter(|_| args.picture.is_opaque()),
             pattern: Pattern::new(&args.picture.output),
@@ -121,6 +145,9 @@ impl<'a> Job<'a> {
     fn dry_run(&self, sequence: &Sequence, pictures: &[Picture]) -> Outcome<()> {
         let known = input::known_count(&self.args.input.files)?;
         let work = match known {
+            0 if self.saved(sequence, pictures[0].frame, None)?.is_some() => {
+                Work::of_count(0, self.structure, self.settings)
+            }
             0 => {
                 let frame = input::read(sequence, pictures[0].frame, &self.args.input, self.report)?;
                 self.report.note(format_args!(
@@ -155,6 +182,44 @@ impl<'a> Job<'a> {
         (!dry_run::fits(work.memory_bytes(), self.args.method.memory)).then_some(parts)
     }
 
+    /// The frame with the structure that was saved with it, if that is what is asked for; says why if it is not.
+    fn saved(&self, sequence: &Sequence, number: usize, kept: Option<&Kept>) -> Outcome<Option<Saved>> {
+        let Some(saved) = sequence.saved(number)? else { return Ok(None) };
+        if let Some(why) = self.why_not(&saved, kept) {
+            let kind = structure::name(saved.kind());
+            self.tell(kept.is_none(), &format!("note: the saved structure ({kind}) is not used: {why}"));
+            return Ok(None);
+        }
+        let told = (&saved.particles, &saved.warnings[..]);
+        input::tell(&sequence.name(number), told, &self.args.input, self.report)?;
+        Ok(Some(saved))
+    }
+
+    /// Why a saved structure is not what is asked for, if it is not.
+    fn why_not(&self, saved: &Saved, kept: Option<&Kept>) -> Option<String> {
+        let uniform = match saved.particles.radii() {
+            Some(Radii::Uniform(radius)) => Some(*radius),
+            _ => None,
+        };
+        if self.is_structure_asked_for && saved.kind() != self.structure {
+            return Some(format!("{} is asked for, built otherwise", structure::name(self.structure)));
+        }
+        if self.args.method.build == Builder::Gpu {
+            return Some("--build gpu".into());
+        }
+        if let Some((Radii::Uniform(radius), _)) = self.asked_radius(kept)
+            && uniform != Some(radius)
+        {
+            let own =
+                uniform.map_or("a radius for each".into(), |own| format!("radius {}", short(own.into())));
+            return Some(format!("it has {own}, radius {} is asked for", short(radius.into())));
+        }
+        // Packed radii are right to a share of the radius that they were packed with.
+        let is_packed = saved.structure.saved().is_some_and(|(facts, _)| facts.radii == RadiiOf::Packed);
+        (is_packed && self.args.look.radius_scale != 1.0)
+            .then(|| "its radii are packed, and --radius-scale changes them".into())
+    }
+
     /// Builds over parts. Returns too how many particles were not finite.
     fn stream(&self, parts: &Parts, radii: &Radii, colors: &ParticleColors) -> Outcome<(Structure, u64)> {
         let allowed = "one for all: the particles do not fit the memory with what each has of its own";
@@ -186,9 +251,16 @@ impl<'a> Job<'a> {
     ) -> Outcome<()> {
         let start = Instant::now();
         let parts = self.parts(sequence, number);
-        let (particles, conventions) = match &parts {
-            Some(parts) => (parts.sample(self.report.progress())?, vec!["read in parts".to_string()]),
-            None => {
+        let saved = self.saved(sequence, number, kept.as_ref())?;
+        let mut opened = None;
+        let (particles, conventions) = match (&parts, saved) {
+            (Some(parts), _) => (parts.sample(self.report.progress())?, vec!["read in parts".to_string()]),
+            (None, Some(saved)) => {
+                let sample = saved.sample()?;
+                opened = Some(Opened { structure: saved.structure, guesses: saved.guesses, sample });
+                (saved.particles, saved.conventions)
+            }
+            (None, None) => {
                 let frame = input::read(sequence, number, &self.args.input, self.report)?;
                 let work = Work::of(&frame.particles, self.structure, self.settings);
                 self.check_memory(&Work { columns_bytes: 0, ..work }, Reading::Whole)?;
@@ -201,12 +273,13 @@ impl<'a> Job<'a> {
 
         // Guess what is not said.
         let guessing = Instant::now();
-        let (radii, radius_text) = self.radii(&particles, kept.as_ref());
+        let guesses = opened.as_ref().map(|opened| &opened.guesses);
+        let (radii, radius_text) = self.radii(&particles, guesses, kept.as_ref());
         let spheres =
             Spheres { particles: &particles, radii: &radii, radius_scale: self.args.look.radius_scale };
         let (camera, outline, framing_text) = match kept.as_ref() {
             Some(kept) => (kept.camera, kept.outline.clone(), "framed as the first frame".to_string()),
-            None => self.camera(spheres),
+            None => self.camera(spheres, guesses),
         };
         let colors = self.colors(&particles, kept.as_ref())?;
         let selection = Found::of(&self.args.selection, &particles)?;
@@ -215,7 +288,8 @@ impl<'a> Job<'a> {
             self.report.note(format_args!("tyndall: {}", guesses.join(" · ")));
             let Settings { width, height, .. } = self.settings;
             let view = camera.view(particles.positions().origin(), width, height)?;
-            if let Some(warning) = too_small(spheres, &view) {
+            let sample = opened.as_ref().map_or(spheres, |opened| opened.spheres(spheres.radius_scale));
+            if let Some(warning) = too_small(sample, &view) {
                 self.report.warn(&warning);
             }
             let range =
@@ -238,9 +312,15 @@ impl<'a> Job<'a> {
         let building = Instant::now();
         let (time, dropped) = (particles.time(), particles.dropped().total());
         let scale = self.args.look.radius_scale;
-        let ((structure, dropped), held) = match &parts {
-            Some(parts) => (self.stream(parts, &radii, &colors)?, Held::NONE),
-            None => {
+        let ((structure, dropped), held) = match (&parts, opened) {
+            (Some(parts), _) => (self.stream(parts, &radii, &colors)?, Held::NONE),
+            (None, Some(Opened { mut structure, .. })) => {
+                if scale != 1.0 {
+                    structure.scale_radii(scale);
+                }
+                ((structure, dropped), Held::NONE)
+            }
+            (None, None) => {
                 let (structure, held) =
                     self.renders.build(self.structure, particles, &radii, scale, self.report)?;
                 ((structure, dropped), held)
@@ -314,11 +394,16 @@ impl<'a> Job<'a> {
         Ok(())
     }
 
-    fn radii(&self, particles: &Particles, kept: Option<&Kept>) -> (Radii, String) {
-        let (radii, mut text) = match (self.args.look.radius, kept.and_then(|kept| kept.uniform.clone())) {
-            (Some(radius), _) => (Radii::Uniform(radius), format!("radius {} given", short(radius.into()))),
-            (None, Some(radii)) => (radii, "radius of the first frame".into()),
-            (None, None) => automatic::radii(particles),
+    fn radii(
+        &self,
+        particles: &Particles,
+        guesses: Option<&Guesses>,
+        kept: Option<&Kept>,
+    ) -> (Radii, String) {
+        let (radii, mut text) = match (self.asked_radius(kept), particles.radii(), guesses) {
+            (Some(found), ..) => found,
+            (None, Some(radii), Some(guesses)) => (radii.clone(), guesses.radii.clone()),
+            (None, ..) => automatic::radii(particles),
         };
         let scale = self.args.look.radius_scale;
         if scale != 1.0 {
@@ -327,10 +412,21 @@ impl<'a> Job<'a> {
         (radii, text)
     }
 
-    fn camera(&self, spheres: Spheres) -> (Camera, Outline, String) {
+    /// The radius that is given, or kept from the first frame.
+    fn asked_radius(&self, kept: Option<&Kept>) -> Option<(Radii, String)> {
+        match (self.args.look.radius, kept.and_then(|kept| kept.uniform.clone())) {
+            (Some(radius), _) => {
+                Some((Radii::Uniform(radius), format!("radius {} given", short(radius.into()))))
+            }
+            (None, kept) => kept.map(|radii| (radii, "radius of the first frame".into())),
+        }
+    }
+
+    fn camera(&self, spheres: Spheres, guesses: Option<&Guesses>) -> (Camera, Outline, String) {
         let outliers = if self.args.camera.frame_all { Outliers::Shown } else { Outliers::Left };
-        let framing = automatic::framing_of(spheres, outliers);
-        let outline = Outline::of(spheres, &framing);
+        let guessed = guesses.filter(|_| spheres.radius_scale == 1.0);
+        let shown = guessed.map_or_else(|| Shown::of(spheres, outliers), |it| it.shown(outliers).clone());
+        let Shown { framing, outline } = shown;
         let aspect = f64::from(self.settings.width) / f64::from(self.settings.height);
         let camera = self.viewpoint.camera(&outline, aspect);
         if self.viewpoint.eye.is_some() {

@@ -1,12 +1,15 @@
 //! Particle files in, pictures out.
 //!
-//! [`Sequence::open`] recognises a file by its content and reads its frames one at a time; [`mod@write`] puts an image on disk.
+//! [`Sequence::open`] recognises a file by its content and reads its frames one at a time; [`mod@write`] puts an image on disk,
+//! [`mod@saved`] particles with their structure.
 
 pub mod parts;
 pub mod read;
+pub mod saved;
 pub mod sequence;
 mod topology;
 pub mod write;
 
 pub use parts::Parts;
+pub use saved::Saved;
 pub use sequence::{Frame, Options, Sequence};

@@ -13,6 +13,7 @@ use tyndall::{Error, Particles, Progress, Result};
 
 use crate::parts::Parts;
 use crate::read::{self, Feature, Feed, Format, Index, Open, Packing, Request, Span};
+use crate::saved::Saved;
 use crate::topology::Topology;
 
 /// Unpacked content up to this size is kept, if it is not more than so many times that of the file.
@@ -181,6 +182,19 @@ impl Sequence {
                 Parts::of_npy(&file.path)
             }
             Source::File(_) => Ok(None),
+        }
+    }
+
+    /// Frame `frame` with its structure, if it is that of a file which has one.
+    pub fn saved(&self, frame: usize) -> Result<Option<Saved>> {
+        let (source, _) = self.place(frame);
+        match &self.sources[source] {
+            Source::File(file) if file.format.has(Feature::Structure) && file.packing == Packing::Plain => {
+                let mut saved = Saved::open(&file.path)?;
+                saved.warnings.extend(dropped(&saved.particles));
+                Ok(Some(saved))
+            }
+            _ => Ok(None),
         }
     }
 

@@ -31,6 +31,7 @@
 mod curve;
 pub mod error;
 pub mod film;
+pub mod frozen;
 pub mod math;
 pub mod medium;
 mod pages;

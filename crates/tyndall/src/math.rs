@@ -3,10 +3,12 @@
 //! `enter_sphere` is the one formula of sphere visibility: every structure, width of SIMD and machine uses these steps in this
 //! order, without fused multiply-add, so that they agree bit for bit.
 
+use bytemuck::{Pod, Zeroable};
 use glam::Vec3;
 
 /// An axis-aligned box. Empty when `min` exceeds `max`.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+#[repr(C)]
 pub struct Bounds {
     /// Smallest coordinates.
     pub min: Vec3,

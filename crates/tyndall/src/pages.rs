@@ -3,7 +3,14 @@
 //!
 //! Where the system has none, or gives none, the arrays are ordinary ones.
 
+#[cfg(feature = "gpu")]
+use bytemuck::Pod;
 use rayon::prelude::*;
+
+#[cfg(feature = "gpu")]
+use crate::error::Result;
+#[cfg(feature = "gpu")]
+use crate::frozen::Frozen;
 
 /// Arrays below this size stay on ordinary pages.
 #[cfg(target_os = "linux")]
@@ -25,6 +32,17 @@ pub(crate) fn filled<T: Copy + Send + Sync>(count: usize, item: T) -> Vec<T> {
     let mut array = with_capacity(count);
     array.par_extend(rayon::iter::repeat_n(item, count).with_min_len(LEAST_ITEMS));
     array
+}
+
+/// An array of `count` items, whose memory `fill` writes.
+#[cfg(feature = "gpu")]
+pub(crate) fn written<T: Pod + Send + Sync>(
+    count: usize,
+    fill: impl FnOnce(&mut [u8]) -> Result<()>,
+) -> Result<Frozen<T>> {
+    let mut array = filled(count, T::zeroed());
+    fill(bytemuck::cast_slice_mut(&mut array))?;
+    Ok(array.into())
 }
 
 /// An empty array with room for `count` items.

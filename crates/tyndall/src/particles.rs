@@ -5,19 +5,56 @@
 //!
 //! Invariants of [`Particles`]: all columns have the same length, below 2^32; positions are finite; radii are finite and >= 0.
 
+use std::sync::OnceLock;
+
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
 use crate::error::{Error, Result};
+use crate::frozen::Frozen;
 use crate::math::Bounds;
 
 /// Centers: an origin in double precision, and single-precision offsets from it, one column an axis.
 ///
 /// The origin lies near the middle of the data, so that coordinates far from zero (lidar, cosmology) keep their precision.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default)]
 pub struct Positions {
     origin: Option<DVec3>,
-    offsets: [Vec<f32>; 3],
+    offsets: Offsets,
+}
+
+/// The offsets from the origin, one column an axis.
+#[derive(Clone, Debug)]
+enum Offsets {
+    Own([Vec<f32>; 3]),
+    Frozen([Frozen<f32>; 3]),
+}
+
+impl Default for Offsets {
+    fn default() -> Self {
+        Self::Own(Default::default())
+    }
+}
+
+impl Offsets {
+    #[inline(always)]
+    fn column(&self, axis: usize) -> &[f32] {
+        match self {
+            Self::Own(columns) => &columns[axis],
+            Self::Frozen(columns) => &columns[axis],
+        }
+    }
+
+    /// The columns, to be changed: frozen ones are copied first.
+    fn own(&mut self) -> &mut [Vec<f32>; 3] {
+        if let Self::Frozen(columns) = self {
+            *self = Self::Own(columns.each_ref().map(|column| column.to_vec()));
+        }
+        match self {
+            Self::Own(columns) => columns,
+            Self::Frozen(_) => unreachable!("they were copied"),
+        }
+    }
 }
 
 impl Positions {
@@ -34,12 +71,18 @@ impl Positions {
     /// Positions from three columns of offsets from `origin`. Panics if their lengths differ.
     pub fn from_offsets(origin: DVec3, offsets: [Vec<f32>; 3]) -> Self {
         assert!(offsets.iter().all(|column| column.len() == offsets[0].len()), "columns of one length");
-        Self { origin: Some(origin), offsets }
+        Self { origin: Some(origin), offsets: Offsets::Own(offsets) }
+    }
+
+    /// The same of columns that stay where they are, such as in a mapped file. Panics if their lengths differ.
+    pub fn from_frozen(origin: DVec3, offsets: [Frozen<f32>; 3]) -> Self {
+        assert!(offsets.iter().all(|column| column.len() == offsets[0].len()), "columns of one length");
+        Self { origin: Some(origin), offsets: Offsets::Frozen(offsets) }
     }
 
     /// Makes room for `count` more positions in all.
     pub fn reserve(&mut self, count: usize) {
-        for column in &mut self.offsets {
+        for column in self.offsets.own() {
             column.reserve(count);
         }
     }
@@ -47,14 +90,14 @@ impl Positions {
     /// Appends a chunk. Chunks of some thousand positions are best: the first one decides the origin if there is none yet.
     pub fn extend(&mut self, chunk: &[DVec3]) {
         let origin = *self.origin.get_or_insert_with(|| middle(chunk));
-        for (axis, column) in self.offsets.iter_mut().enumerate() {
+        for (axis, column) in self.offsets.own().iter_mut().enumerate() {
             column.extend(chunk.iter().map(|position| (position[axis] - origin[axis]) as f32));
         }
     }
 
     /// How many there are.
     pub fn len(&self) -> usize {
-        self.offsets[0].len()
+        self.offsets.column(0).len()
     }
 
     /// Whether there are none.
@@ -68,14 +111,16 @@ impl Positions {
     }
 
     /// The columns of offsets from the origin: x, y, z.
+    #[inline(always)]
     pub fn offsets(&self) -> [&[f32]; 3] {
-        [&self.offsets[0], &self.offsets[1], &self.offsets[2]]
+        [0, 1, 2].map(|axis| self.offsets.column(axis))
     }
 
     /// The offset of particle `id` from the origin.
     #[inline(always)]
     pub fn offset(&self, id: usize) -> Vec3 {
-        Vec3::new(self.offsets[0][id], self.offsets[1][id], self.offsets[2][id])
+        let [x, y, z] = self.offsets();
+        Vec3::new(x[id], y[id], z[id])
     }
 
     /// The coordinate along `axis` of what lies `offset` from the origin, in the coordinates of its file: of all numbers that are
@@ -96,6 +141,12 @@ impl Positions {
     }
 }
 
+impl PartialEq for Positions {
+    fn eq(&self, other: &Self) -> bool {
+        self.origin == other.origin && self.offsets() == other.offsets()
+    }
+}
+
 /// The middle of the finite positions; zero if there are none.
 fn middle(chunk: &[DVec3]) -> DVec3 {
     let mut min = DVec3::INFINITY;
@@ -107,8 +158,9 @@ fn middle(chunk: &[DVec3]) -> DVec3 {
     if min.cmple(max).all() { 0.5 * min + 0.5 * max } else { DVec3::ZERO }
 }
 
-/// The values of an attribute, particle by particle; the components of one particle stand side by side.
-#[derive(Clone, Debug, PartialEq)]
+/// The values of an attribute, particle by particle; the components of one particle stand side by side. [`Values::view`] shows them
+/// wherever they are held.
+#[derive(Clone, Debug)]
 pub enum Values {
     /// 32-bit floats.
     F32(Vec<f32>),
@@ -127,26 +179,97 @@ pub enum Values {
         /// The names, in order of first appearance.
         names: Vec<String>,
     },
+    /// Any of these that stay where they are, such as in a mapped file.
+    Frozen(FrozenValues),
 }
 
-/// Runs the same expression on whichever vector `Values` holds.
+/// [`Values`] that no longer change.
+#[derive(Clone, Debug)]
+pub enum FrozenValues {
+    /// 32-bit floats.
+    F32(Frozen<f32>),
+    /// 64-bit floats.
+    F64(Frozen<f64>),
+    /// 32-bit integers.
+    I32(Frozen<i32>),
+    /// 64-bit integers.
+    I64(Frozen<i64>),
+    /// Bytes.
+    U8(Frozen<u8>),
+    /// Words: `names[codes[k]]`.
+    Text {
+        /// Which name each particle has.
+        codes: Frozen<u32>,
+        /// The names.
+        names: Vec<String>,
+    },
+}
+
+/// [`Values`], wherever they are held.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum View<'a> {
+    /// 32-bit floats.
+    F32(&'a [f32]),
+    /// 64-bit floats.
+    F64(&'a [f64]),
+    /// 32-bit integers.
+    I32(&'a [i32]),
+    /// 64-bit integers.
+    I64(&'a [i64]),
+    /// Bytes.
+    U8(&'a [u8]),
+    /// Words: `names[codes[k]]`.
+    Text {
+        /// Which name each particle has.
+        codes: &'a [u32],
+        /// The names.
+        names: &'a [String],
+    },
+}
+
+/// Runs the same expression on whichever column a [`View`] has.
 macro_rules! each_column {
-    ($values:expr, $column:ident => $body:expr) => {
-        match $values {
-            Values::F32($column) => $body,
-            Values::F64($column) => $body,
-            Values::I32($column) => $body,
-            Values::I64($column) => $body,
-            Values::U8($column) => $body,
-            Values::Text { codes: $column, .. } => $body,
+    ($view:expr, $column:ident => $body:expr) => {
+        match $view {
+            View::F32($column) => $body,
+            View::F64($column) => $body,
+            View::I32($column) => $body,
+            View::I64($column) => $body,
+            View::U8($column) => $body,
+            View::Text { codes: $column, .. } => $body,
         }
     };
 }
 
+impl PartialEq for Values {
+    fn eq(&self, other: &Self) -> bool {
+        self.view() == other.view()
+    }
+}
+
 impl Values {
+    /// The values.
+    #[inline(always)]
+    pub fn view(&self) -> View<'_> {
+        match self {
+            Self::F32(column) => View::F32(column),
+            Self::F64(column) => View::F64(column),
+            Self::I32(column) => View::I32(column),
+            Self::I64(column) => View::I64(column),
+            Self::U8(column) => View::U8(column),
+            Self::Text { codes, names } => View::Text { codes, names },
+            Self::Frozen(FrozenValues::F32(column)) => View::F32(column),
+            Self::Frozen(FrozenValues::F64(column)) => View::F64(column),
+            Self::Frozen(FrozenValues::I32(column)) => View::I32(column),
+            Self::Frozen(FrozenValues::I64(column)) => View::I64(column),
+            Self::Frozen(FrozenValues::U8(column)) => View::U8(column),
+            Self::Frozen(FrozenValues::Text { codes, names }) => View::Text { codes, names },
+        }
+    }
+
     /// How many values there are: particles times components.
     pub fn len(&self) -> usize {
-        each_column!(self, column => column.len())
+        each_column!(self.view(), column => column.len())
     }
 
     /// Whether there are none.
@@ -157,31 +280,31 @@ impl Values {
     /// The value at `place` as a number; a word counts as its code.
     #[inline(always)]
     pub fn number(&self, place: usize) -> f64 {
-        match self {
-            Self::F32(column) => column[place] as f64,
-            Self::F64(column) => column[place],
-            Self::I32(column) => column[place] as f64,
-            Self::I64(column) => column[place] as f64,
-            Self::U8(column) => column[place] as f64,
-            Self::Text { codes, .. } => codes[place] as f64,
+        match self.view() {
+            View::F32(column) => column[place] as f64,
+            View::F64(column) => column[place],
+            View::I32(column) => column[place] as f64,
+            View::I64(column) => column[place] as f64,
+            View::U8(column) => column[place] as f64,
+            View::Text { codes, .. } => codes[place] as f64,
         }
     }
 
     /// The type's name: `f32`, `f64`, `i32`, `i64`, `u8` or `text`.
     pub fn type_name(&self) -> &'static str {
-        match self {
-            Self::F32(_) => "f32",
-            Self::F64(_) => "f64",
-            Self::I32(_) => "i32",
-            Self::I64(_) => "i64",
-            Self::U8(_) => "u8",
-            Self::Text { .. } => "text",
+        match self.view() {
+            View::F32(_) => "f32",
+            View::F64(_) => "f64",
+            View::I32(_) => "i32",
+            View::I64(_) => "i64",
+            View::U8(_) => "u8",
+            View::Text { .. } => "text",
         }
     }
 
     /// Whether the values are integers or words: things to count, not to measure.
     pub fn is_discrete(&self) -> bool {
-        !matches!(self, Self::F32(_) | Self::F64(_))
+        !matches!(self.view(), View::F32(_) | View::F64(_))
     }
 
     /// Memory of one value.
@@ -189,17 +312,25 @@ impl Values {
         fn of<T>(_: &[T]) -> usize {
             size_of::<T>()
         }
-        each_column!(self, column => of(column))
+        each_column!(self.view(), column => of(column))
     }
 
+    /// Keeps the particles for which `keep` says so.
     fn retain(&mut self, components: usize, keep: &[bool]) {
-        each_column!(self, column => {
-            let mut place = 0;
-            column.retain(|_| {
-                place += 1;
-                keep[(place - 1) / components]
-            });
-        })
+        fn kept<T: Copy>(column: &[T], components: usize, keep: &[bool]) -> Vec<T> {
+            let rows = column.chunks_exact(components).zip(keep).filter(|(_, keep)| **keep);
+            rows.flat_map(|(row, _)| row).copied().collect()
+        }
+        *self = match self.view() {
+            View::F32(column) => Self::F32(kept(column, components, keep)),
+            View::F64(column) => Self::F64(kept(column, components, keep)),
+            View::I32(column) => Self::I32(kept(column, components, keep)),
+            View::I64(column) => Self::I64(kept(column, components, keep)),
+            View::U8(column) => Self::U8(kept(column, components, keep)),
+            View::Text { codes, names } => {
+                Self::Text { codes: kept(codes, components, keep), names: names.to_vec() }
+            }
+        };
     }
 }
 
@@ -310,6 +441,17 @@ impl Dropped {
     }
 }
 
+/// What [`Particles::new`] found out about columns.
+#[derive(Clone, Debug)]
+pub struct Entry {
+    /// How many were dropped.
+    pub dropped: Dropped,
+    /// By id the places in the file, where some were dropped.
+    pub places: Option<Frozen<u64>>,
+    /// The box of the centers that stayed, as offsets from the origin.
+    pub bounds: Bounds,
+}
+
 /// Particles that can be drawn. See the module for the invariants.
 #[derive(Clone, Debug)]
 pub struct Particles {
@@ -320,7 +462,9 @@ pub struct Particles {
     time: Option<f64>,
     length_unit: Option<String>,
     dropped: Dropped,
-    places: Option<Vec<u64>>,
+    places: Option<Frozen<u64>>,
+    /// The box of the centers, once it is known.
+    bounds: OnceLock<Bounds>,
 }
 
 /// Names that attributes holding a radius have in the files of the known programs, best first, and radius over value.
@@ -334,13 +478,7 @@ impl Particles {
     pub fn new(columns: Columns) -> Result<Self> {
         let Columns { mut positions, mut attributes, radii, cell, time, length_unit } = columns;
         let count = positions.len();
-        if count >= u32::MAX as usize {
-            return Err(Error::setting("particles", count, "at most 2^32 - 2 in one layer: split the file"));
-        }
-        if let Some(attribute) = attributes.iter().find(|it| it.values.len() != count * it.components) {
-            let wanted = format!("{count} particles need {} values", count * attribute.components);
-            return Err(Error::setting(&attribute.name, attribute.values.len(), wanted));
-        }
+        check_lengths(count, &attributes)?;
         let radii = radii.or_else(|| radii_by_name(&attributes));
 
         let [x, y, z] = positions.offsets();
@@ -358,16 +496,80 @@ impl Particles {
         let mut places = None;
         if dropped.total() > 0 {
             let keep: Vec<bool> = (0..count).into_par_iter().map(|id| finite(id) && sized(id)).collect();
-            for column in &mut positions.offsets {
+            for column in positions.offsets.own() {
                 let mut kept = keep.iter();
                 column.retain(|_| *kept.next().expect("one flag a particle"));
             }
             for attribute in &mut attributes {
                 attribute.values.retain(attribute.components, &keep);
             }
-            places = Some((0..count as u64).filter(|&id| keep[id as usize]).collect());
+            let kept: Vec<u64> = (0..count as u64).filter(|&id| keep[id as usize]).collect();
+            places = Some(kept.into());
         }
-        Ok(Self { positions, attributes, radii, cell, time, length_unit, dropped, places })
+        let bounds = OnceLock::new();
+        Ok(Self { positions, attributes, radii, cell, time, length_unit, dropped, places, bounds })
+    }
+
+    /// Takes columns that [`Particles::new`] has checked before, as they were saved, with what else it knew. Nothing is looked at but
+    /// lengths.
+    ///
+    /// Fails with [`Error::Setting`] if a length does not fit, or the radii refer to an attribute that is not there.
+    pub fn restore(columns: Columns, entry: Entry) -> Result<Self> {
+        let Columns { positions, attributes, radii, cell, time, length_unit } = columns;
+        let Entry { dropped, places, bounds } = entry;
+        let count = positions.len();
+        check_lengths(count, &attributes)?;
+        let is_known = |place: &usize| attributes.get(*place).is_some_and(|it| it.components == 1);
+        let fits = match &radii {
+            None | Some(Radii::Uniform(_)) => true,
+            Some(Radii::PerType { attribute, radii }) => is_known(attribute) && !radii.is_empty(),
+            Some(Radii::PerParticle { attribute, .. }) => is_known(attribute),
+        };
+        if !fits {
+            return Err(Error::setting("radii", "of an attribute", "one of the scalars that are there"));
+        }
+        if places.as_ref().is_some_and(|places| places.len() != count) {
+            return Err(Error::setting("places", "of another number", format!("one for {count} particles")));
+        }
+        let bounds = OnceLock::from(bounds);
+        Ok(Self { positions, attributes, radii, cell, time, length_unit, dropped, places, bounds })
+    }
+
+    /// Whether all positions are finite, and all radii neither negative nor infinite.
+    pub fn check(&self) -> bool {
+        let sized = |id| match &self.radii {
+            Some(radii) => (0.0..f32::INFINITY).contains(&self.radius(radii, id)),
+            None => true,
+        };
+        let ids = (0..self.len()).into_par_iter().with_min_len(1 << 14);
+        ids.all(|id| self.positions.offset(id).is_finite() && sized(id))
+    }
+
+    /// The same particles with those attributes only that `wanted` chooses, and the one that their radii follow.
+    pub fn with_attributes(self, wanted: impl Fn(&Attribute) -> bool) -> Self {
+        let Self { attributes, radii, .. } = self;
+        let mut radii = radii;
+        let place_of_radii = match &mut radii {
+            None | Some(Radii::Uniform(_)) => None,
+            Some(Radii::PerType { attribute, .. } | Radii::PerParticle { attribute, .. }) => Some(attribute),
+        };
+        let followed = place_of_radii.as_ref().map(|place| **place);
+        let mut kept = Vec::new();
+        for (place, attribute) in attributes.into_iter().enumerate() {
+            if Some(place) == followed || wanted(&attribute) {
+                kept.push((place, attribute));
+            }
+        }
+        if let Some(place) = place_of_radii {
+            *place = kept.iter().position(|(old, _)| old == place).expect("it was kept");
+        }
+        let attributes = kept.into_iter().map(|(_, attribute)| attribute).collect();
+        Self { attributes, radii, ..self }
+    }
+
+    /// The same particles with radii `radii`, which may refer to their attributes.
+    pub fn with_radii(self, radii: Radii) -> Self {
+        Self { radii: Some(radii), ..self }
     }
 
     /// How many there are.
@@ -434,7 +636,7 @@ impl Particles {
     }
 
     /// Gives up all but the places in the file, if some particles were dropped.
-    pub(crate) fn into_places(self) -> Option<Vec<u64>> {
+    pub(crate) fn into_places(self) -> Option<Frozen<u64>> {
         self.places
     }
 
@@ -458,13 +660,33 @@ impl Particles {
         (12 * self.len() + places + attributes.sum::<usize>()) as u64
     }
 
+    /// The places in the file of all, by id; none where none was dropped.
+    pub fn places(&self) -> Option<&[u64]> {
+        self.places.as_deref()
+    }
+
     /// The box of the centers, as offsets from the origin.
     pub fn bounds(&self) -> Bounds {
-        (0..self.len())
-            .into_par_iter()
-            .with_min_len(1 << 14)
-            .fold(|| Bounds::EMPTY, |bounds, id| bounds.with(self.positions.offset(id)))
-            .reduce(|| Bounds::EMPTY, Bounds::union)
+        let around = || {
+            let ids = (0..self.len()).into_par_iter().with_min_len(1 << 14);
+            ids.fold(|| Bounds::EMPTY, |bounds, id| bounds.with(self.positions.offset(id)))
+                .reduce(|| Bounds::EMPTY, Bounds::union)
+        };
+        *self.bounds.get_or_init(around)
+    }
+}
+
+/// Refuses too many particles, and columns that have more or less values.
+fn check_lengths(count: usize, attributes: &[Attribute]) -> Result<()> {
+    if count >= u32::MAX as usize {
+        return Err(Error::setting("particles", count, "at most 2^32 - 2 in one layer: split the file"));
+    }
+    match attributes.iter().find(|it| Some(it.values.len()) != count.checked_mul(it.components)) {
+        None => Ok(()),
+        Some(attribute) => {
+            let wanted = format!("{count} particles need {} values each", attribute.components);
+            Err(Error::setting(&attribute.name, attribute.values.len(), wanted))
+        }
     }
 }
 

@@ -3,7 +3,7 @@
 //! A file has assemblies; an assembly has groups of chains, each with the operators that make its copies.
 
 use rayon::prelude::*;
-use tyndall::particles::{Attribute, Values};
+use tyndall::particles::{Attribute, Values, View};
 use tyndall::{Columns, DVec3, Error, Positions, Result};
 
 /// A rotation, row by row, and the shift that follows it.
@@ -132,14 +132,14 @@ fn in_order(values: &Values, components: usize, order: &[u32]) -> Values {
             _ => order.iter().flat_map(row).copied().collect(),
         }
     }
-    match values {
-        Values::F32(values) => Values::F32(rows(values, components, order)),
-        Values::F64(values) => Values::F64(rows(values, components, order)),
-        Values::I32(values) => Values::I32(rows(values, components, order)),
-        Values::I64(values) => Values::I64(rows(values, components, order)),
-        Values::U8(values) => Values::U8(rows(values, components, order)),
-        Values::Text { codes, names } => {
-            Values::Text { codes: rows(codes, components, order), names: names.clone() }
+    match values.view() {
+        View::F32(values) => Values::F32(rows(values, components, order)),
+        View::F64(values) => Values::F64(rows(values, components, order)),
+        View::I32(values) => Values::I32(rows(values, components, order)),
+        View::I64(values) => Values::I64(rows(values, components, order)),
+        View::U8(values) => Values::U8(rows(values, components, order)),
+        View::Text { codes, names } => {
+            Values::Text { codes: rows(codes, components, order), names: names.to_vec() }
         }
     }
 }

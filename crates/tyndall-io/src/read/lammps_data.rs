@@ -9,7 +9,7 @@ mod columns;
 
 use std::collections::HashMap;
 
-use tyndall::particles::{Attribute, Values};
+use tyndall::particles::{Attribute, Values, View};
 use tyndall::scene::element::Element;
 use tyndall::scene::grouped;
 use tyndall::{Cell, Columns, DVec3, Error, Progress, Result};
@@ -378,9 +378,10 @@ impl Types {
     fn tell(&self, attributes: &mut Vec<Attribute>, conventions: &mut Vec<String>, units: Option<&str>) {
         let Some(kinds) = attributes.iter().find(|it| it.name == "type") else { return };
         // The types that there are, each once, and which of them each atom has.
-        let (names, codes) = match &kinds.values {
-            Values::Text { codes, names } => (names.clone(), codes.clone()),
-            values => {
+        let (names, codes) = match kinds.values.view() {
+            View::Text { codes, names } => (names.to_vec(), codes.to_vec()),
+            _ => {
+                let values = &kinds.values;
                 let mut numbers: Vec<i64> =
                     (0..values.len()).map(|place| values.number(place) as i64).collect();
                 let all = numbers.clone();

@@ -63,12 +63,13 @@ use std::path::{Path, PathBuf};
 
 use tyndall::{Columns, Error, Particles, Progress, Result};
 
+use crate::saved;
 use crate::sequence::{Frame, Options};
 use crate::topology::Topology;
 pub use density::{RawGrid, Sample, density};
 pub(crate) use feed::Feed;
 pub use lattice::{Described, described_density};
-pub(crate) use map::{map, open};
+pub(crate) use map::{map, map_in_pieces, open};
 pub(crate) use rows::open_end;
 pub use sky::sky;
 pub(crate) use unpack::Packing;
@@ -103,6 +104,8 @@ pub(crate) enum Feature {
     Datasets,
     /// Where particles are, but not what they are.
     CoordinatesOnly,
+    /// A structure over the particles.
+    Structure,
     /// Arrays of positions that can be read in parts.
     Parts,
 }
@@ -206,6 +209,13 @@ impl Request<'_> {
 
 /// All formats, the surest to recognise first.
 pub(crate) const FORMATS: &[Format] = &[
+    Format {
+        names: &["tyn"],
+        title: "Tyndall",
+        recognise: |head, _| saved::recognise(head),
+        features: &[Feature::Structure],
+        open: Open::Whole(saved::read),
+    },
     Format {
         names: &["lammps", "dump", "lammpstrj"],
         title: "LAMMPS dump",

@@ -279,7 +279,9 @@ impl Builder {
                 Values::I32(values) => deal(values, components, rows, &mut pieces, Slot::I32),
                 Values::I64(values) => deal(values, components, rows, &mut pieces, Slot::I64),
                 Values::U8(values) => deal(values, components, rows, &mut pieces, Slot::U8),
-                Values::Text { .. } => unreachable!("Kind::zeros makes columns of numbers"),
+                Values::Text { .. } | Values::Frozen(_) => {
+                    unreachable!("Kind::zeros makes columns of numbers")
+                }
             }
         }
         pieces

@@ -73,6 +73,11 @@ pub fn image(path: &Path, image: &Image, options: &ImageOptions) -> Result<()> {
 /// Whether [`image()`] could write `path`: says so before the work of rendering, by the same errors. Leaves nothing behind.
 pub fn check(path: &Path) -> Result<()> {
     kind(path)?;
+    check_place(path)
+}
+
+/// Whether a file can be written at `path`, whatever is in it. Leaves nothing behind.
+pub fn check_place(path: &Path) -> Result<()> {
     let Some(target) = Target::of(path)? else { return Ok(()) };
     File::create(&target.aside).map_err(|error| Error::io(path, error))?;
     fs::remove_file(&target.aside).map_err(|error| Error::io(&target.aside, error))

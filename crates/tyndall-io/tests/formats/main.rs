@@ -5,6 +5,7 @@ mod convert;
 mod cosmology;
 mod effects;
 mod molecules;
+mod saved;
 mod text;
 
 use std::io::Write;

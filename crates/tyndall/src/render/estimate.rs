@@ -64,6 +64,11 @@ impl Work {
         sorted.saturating_add(structure).saturating_add(colors).saturating_add(self.pixel_bytes())
     }
 
+    /// The size of a file that holds the particles with their structure, in bytes.
+    pub fn saved_bytes(&self) -> u64 {
+        self.columns_bytes.saturating_add(self.particles.saturating_mul(self.arranged_bytes()))
+    }
+
     /// The same where the particles are read in parts; see [`crate::structure::Structure::stream`].
     pub fn streamed_bytes(&self) -> u64 {
         let sorted = self.particles.min(AT_ONCE).saturating_mul(RECORD_BYTES);

@@ -16,6 +16,7 @@ use super::rgb::Rgb;
 use super::statistics::short;
 use crate::error::{Error, Result};
 use crate::particles::{Attribute, Particles};
+use crate::structure::by_node;
 
 /// The color of NaN and of unknown elements, sRGB.
 pub const MISSING: [u8; 3] = [128; 3];
@@ -105,12 +106,9 @@ impl ParticleColors {
     pub(super) fn arranged(self, ids: &[u32]) -> Self {
         let store = match self.store {
             Store::Constant(color) => Store::Constant(color),
-            Store::Palette { colors, places } => {
-                Store::Palette { colors, places: ids.par_iter().map(|&id| places[id as usize]).collect() }
-            }
+            Store::Palette { colors, places } => Store::Palette { colors, places: by_node(&places, ids, 0) },
             Store::Direct { bytes, linear_of_byte } => {
-                let bytes = ids.par_iter().map(|&id| bytes[id as usize]).collect();
-                Store::Direct { bytes, linear_of_byte }
+                Store::Direct { bytes: by_node(&bytes, ids, MISSING), linear_of_byte }
             }
         };
         Self { store, ..self }

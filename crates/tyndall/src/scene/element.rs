@@ -6,7 +6,7 @@
 
 use rayon::prelude::*;
 
-use crate::particles::{Attribute, Particles, Values};
+use crate::particles::{Attribute, Particles, View};
 
 /// `symbol/color/radius` of the elements by atomic number from 1: sRGB as RRGGBB, radius in Å, `-` where none is known.
 const TABLE: &str = "\
@@ -174,9 +174,9 @@ impl Elements {
     /// By words that `parse` understands, or without it by integers that are atomic numbers.
     fn from_attribute(particles: &Particles, attribute: usize, parse: Option<&Parse>) -> Option<Self> {
         let values = &particles.attributes()[attribute].values;
-        let by_value: Vec<Option<Element>> = match (values, parse) {
-            (Values::Text { names, .. }, Some(parse)) => names.iter().map(|name| parse(name)).collect(),
-            (Values::I32(_) | Values::I64(_) | Values::U8(_), None) => {
+        let by_value: Vec<Option<Element>> = match (values.view(), parse) {
+            (View::Text { names, .. }, Some(parse)) => names.iter().map(|name| parse(name)).collect(),
+            (View::I32(_) | View::I64(_) | View::U8(_), None) => {
                 (0..=109).map(Element::from_number).collect()
             }
             _ => return None,
@@ -194,7 +194,7 @@ impl Elements {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::particles::Columns;
+    use crate::particles::{Columns, Values};
     use glam::DVec3;
 
     fn symbol(element: Option<Element>) -> &'static str {

@@ -7,7 +7,7 @@ use super::color::{MISSING, ParticleColors};
 use super::colormap::Colormap;
 use super::element::{Element, Elements};
 use super::statistics::short;
-use crate::particles::{Attribute, Particles, Values};
+use crate::particles::{Attribute, Particles, View};
 
 /// Twelve colors that color-blind people tell apart. Source: M. Krzywinski's 12-color palette, mk.bcgsc.ca/colorblind; reordered, so
 /// that the first ones are blue, orange and green.
@@ -76,7 +76,7 @@ fn is_scalar_discrete(attribute: &Attribute) -> bool {
 /// Whether a discrete attribute holds kinds rather than amounts: by its name, by being words, or by having few values.
 pub(super) fn is_kinds(attribute: &Attribute) -> bool {
     let named = TYPE_NAMES.iter().any(|name| name.eq_ignore_ascii_case(&attribute.name));
-    let text = matches!(attribute.values, Values::Text { .. });
+    let text = matches!(attribute.values.view(), View::Text { .. });
     is_scalar_discrete(attribute)
         && (named || text || {
             let spread = Spread::of(attribute.values.len(), |id| attribute.number(id, 0));
@@ -89,8 +89,8 @@ pub(super) fn by_type(attribute: &Attribute, map: Option<&Colormap>) -> Particle
     let own = Colormap::of_list("12 colors", TYPES.to_vec());
     let map = map.filter(|map| map.is_list()).unwrap_or(&own);
     let colors = map.colors().len() as i64;
-    let place_of_code: Option<Vec<i64>> = match &attribute.values {
-        Values::Text { names, .. } => {
+    let place_of_code: Option<Vec<i64>> = match attribute.values.view() {
+        View::Text { names, .. } => {
             let mut sorted: Vec<&String> = names.iter().collect();
             sorted.sort_unstable();
             Some(names.iter().map(|name| sorted.partition_point(|other| *other < name) as i64).collect())

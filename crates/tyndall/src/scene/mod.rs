@@ -8,6 +8,7 @@ pub mod coloring;
 pub mod colormap;
 mod colormap_tables;
 pub mod element;
+pub mod guesses;
 mod kinds;
 pub mod light;
 mod names;

@@ -15,7 +15,7 @@ use super::names::nearest;
 use super::quantity::{Quantity, named, unknown};
 use super::statistics::short;
 use crate::error::{Error, Result};
-use crate::particles::{Particles, Values};
+use crate::particles::{Particles, View};
 use crate::structure::selection::{Column, HalfSpace, Numbers, Rule};
 
 /// More values than this are not listed one by one.
@@ -149,8 +149,8 @@ impl Selectable {
             _ => attribute,
         };
         if let Some(it) = attribute.filter(|it| it.components == 1) {
-            let words = match &it.values {
-                Values::Text { names, .. } => names.clone(),
+            let words = match it.values.view() {
+                View::Text { names, .. } => names.to_vec(),
                 _ => Vec::new(),
             };
             let numbers = Numbers::collect(count, |id| it.number(id, 0));
@@ -354,7 +354,7 @@ fn rule<'a>(kept: &'a [Selectable<Column>], filter: &Filter) -> Result<(&'a Colu
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::particles::{Attribute, Cell, Columns, Radii};
+    use crate::particles::{Attribute, Cell, Columns, Radii, Values};
     use crate::scene::color::ParticleColors;
     use crate::scene::light::Lighting;
     use crate::structure::{Kind, Structure};

@@ -8,13 +8,16 @@ mod build;
 pub mod bvh;
 pub(crate) mod heap;
 pub mod pkd;
+pub mod saved;
 mod search;
 pub mod selection;
 pub mod treelets;
 
 use glam::{DVec3, Vec3};
+use rayon::prelude::*;
 
 use crate::error::Result;
+use crate::frozen::Frozen;
 use crate::math::{Bounds, Ray, enter_sphere};
 use crate::particles::{Particles, Radii};
 use crate::progress::Progress;
@@ -129,7 +132,7 @@ pub struct Structure {
     pub(crate) store: Store,
     origin: DVec3,
     /// By id, where some particles of the file were dropped.
-    places: Option<Vec<u64>>,
+    places: Option<Frozen<u64>>,
 }
 
 /// The structures. `Brute` is the oracle for tests.
@@ -288,7 +291,7 @@ impl Structure {
     /// The place in the file of the particle at `node`, counted from 0 and with those that were dropped.
     pub fn place(&self, node: u32) -> u64 {
         let id = self.ids()[node as usize];
-        self.places.as_ref().map_or(u64::from(id), |places| places[id as usize])
+        self.places.as_ref().and_then(|places| places.get(id as usize).copied()).unwrap_or(id.into())
     }
 
     /// The point from which centers are measured.
@@ -313,6 +316,11 @@ impl Structure {
     pub fn bytes(&self) -> u64 {
         each_store!(&self.store, store => store.bytes())
     }
+}
+
+/// A column that stands by id in the order of nodes; `missing` where an id is that of no particle, as in damaged files.
+pub(crate) fn by_node<T: Copy + Send + Sync>(column: &[T], ids: &[u32], missing: T) -> Vec<T> {
+    ids.par_iter().map(|&id| column.get(id as usize).copied().unwrap_or(missing)).collect()
 }
 
 /// Particles whose records are held at once while a source is read: 2 GiB.

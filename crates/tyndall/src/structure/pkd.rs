@@ -7,11 +7,12 @@ use glam::Vec3;
 
 use super::build::Record;
 use super::heap::{self, Columns, Heap, Stack};
+use super::saved::{Arrays, Broken, Facts, Named};
 use super::search::{Observer, Search};
 #[cfg(feature = "gpu")]
 use super::selection::Bits;
 use super::selection::Test;
-use super::{Hit, box_slack};
+use super::{Hit, Kind, box_slack};
 use crate::error::{Error, Result};
 use crate::math::{Bounds, Ray};
 use crate::progress::Progress;
@@ -39,9 +40,34 @@ impl Pkd {
             return Err(Error::Interrupted);
         }
         let place = |node| heap::place_in_order(node, records.len());
-        let mut columns = Columns::gather(&records, radius, place);
-        columns.note_axes(&heap, records.len(), options);
+        let columns = Columns::gather(&records, radius, place, &[heap], options);
         Ok(Self { columns, slack: box_slack(&heap.centers.grown(heap.radius)), heap, options })
+    }
+
+    /// See [`super::Structure::saved`].
+    pub(super) fn saved(&self) -> Option<(Facts, Vec<Named<'_>>)> {
+        let (radii, arrays) = self.columns.saved()?;
+        let facts = Facts {
+            kind: Kind::Pkd(self.options),
+            count: self.ids().len(),
+            bounds: self.heap.centers,
+            radii,
+            largest_radius: self.heap.radius,
+            packing_error: None,
+        };
+        Some((facts, arrays))
+    }
+
+    /// See [`super::Structure::restore`].
+    pub(super) fn restore(
+        facts: Facts,
+        options: Options,
+        arrays: &mut Arrays,
+    ) -> std::result::Result<Self, Broken> {
+        let Facts { count, bounds: centers, radii, largest_radius: radius, .. } = facts;
+        let columns = Columns::restore(count, &radii, arrays)?;
+        let heap = Heap { centers, radius, first: 0 };
+        Ok(Self { columns, slack: box_slack(&centers.grown(radius)), heap, options })
     }
 
     /// See [`super::Structure::intersect`].

@@ -8,6 +8,7 @@
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
+use super::by_node;
 use crate::math::Bounds;
 
 /// Nodes whose bits stand in one word: a leaf of the hierarchy.
@@ -73,8 +74,8 @@ impl Column {
     /// Arranges numbers that stand by id; `ids` are those of the structure's nodes.
     pub fn new(numbers: &Numbers, ids: &[u32]) -> Self {
         let numbers = Numbers(match &numbers.0 {
-            Store::Single(column) => Store::Single(ids.par_iter().map(|&id| column[id as usize]).collect()),
-            Store::Double(column) => Store::Double(ids.par_iter().map(|&id| column[id as usize]).collect()),
+            Store::Single(column) => Store::Single(by_node(column, ids, f32::NAN)),
+            Store::Double(column) => Store::Double(by_node(column, ids, f64::NAN)),
         });
         let ends = ends(&numbers);
         let bin = |number: f64| match number.is_nan() {

@@ -367,6 +367,7 @@ fn drop_ghosts(columns: &mut Columns, warnings: &mut Vec<String>) {
             Values::I64(column) => *column = retained(column, *components, &keep),
             Values::U8(column) => *column = retained(column, *components, &keep),
             Values::Text { codes, .. } => *codes = retained(codes, *components, &keep),
+            Values::Frozen(_) => unreachable!("pieces are read into columns of their own"),
         }
     }
 }

@@ -2,7 +2,7 @@
 
 use std::io;
 
-use tyndall::particles::{Attribute, Values};
+use tyndall::particles::{Attribute, View};
 
 use super::snapshot::Snapshot;
 use super::{Out, Place, rows};
@@ -27,7 +27,7 @@ pub(super) fn write(out: &mut dyn Out, snapshot: &Snapshot, place: &mut Place) -
     }
     for &(attribute, is_integer) in &columns {
         define(&mut head, attribute, is_integer);
-        if matches!(attribute.values, Values::F64(_) | Values::I64(_)) && !is_integer {
+        if matches!(attribute.values.view(), View::F64(_) | View::I64(_)) && !is_integer {
             place.note(format!("'{}': BGEO has numbers of 32 bits; it is rounded", attribute.name));
         }
     }
@@ -59,9 +59,9 @@ pub(super) fn write(out: &mut dyn Out, snapshot: &Snapshot, place: &mut Place) -
 
 /// Whether it is stored as integers: not where they would not fit.
 fn is_integer(attribute: &Attribute) -> bool {
-    match &attribute.values {
-        Values::I64(values) => values.iter().all(|&it| i32::try_from(it).is_ok()),
-        values => values.is_discrete(),
+    match attribute.values.view() {
+        View::I64(values) => values.iter().all(|&it| i32::try_from(it).is_ok()),
+        _ => attribute.values.is_discrete(),
     }
 }
 
@@ -69,7 +69,7 @@ fn define(head: &mut Vec<u8>, attribute: &Attribute, is_integer: bool) {
     const VECTORS: [&str; 6] = ["v", "velocity", "vel", "n", "normal", "force"];
     string(head, &attribute.name);
     head.extend((attribute.components as u16).to_be_bytes());
-    if let Values::Text { names, .. } = &attribute.values {
+    if let View::Text { names, .. } = attribute.values.view() {
         head.extend(4u32.to_be_bytes());
         head.extend((names.len() as u32).to_be_bytes());
         names.iter().for_each(|name| string(head, name));

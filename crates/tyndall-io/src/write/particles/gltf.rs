@@ -4,7 +4,7 @@
 
 use std::io;
 
-use tyndall::particles::Values;
+use tyndall::particles::View;
 
 use super::snapshot::{Names, Snapshot};
 use super::{Out, Place, rows};
@@ -24,14 +24,14 @@ pub(super) fn write(out: &mut dyn Out, snapshot: &Snapshot, place: &mut Place) -
     }
     let (mut columns, mut names) = (Vec::new(), Names::beside(&[]));
     for attribute in &snapshot.attributes {
-        if matches!(attribute.values, Values::Text { .. }) || attribute.components > 4 {
+        if matches!(attribute.values.view(), View::Text { .. }) || attribute.components > 4 {
             place.note(format!(
                 "'{}' is left out: glTF has numbers of one to four components",
                 attribute.name
             ));
             continue;
         }
-        if matches!(attribute.values, Values::F64(_) | Values::I32(_) | Values::I64(_)) {
+        if matches!(attribute.values.view(), View::F64(_) | View::I32(_) | View::I64(_)) {
             place.note(format!("'{}': glTF has floats of 32 bits; it is rounded", attribute.name));
         }
         let letter = |it: char| if it.is_ascii_alphanumeric() { it.to_ascii_uppercase() } else { '_' };

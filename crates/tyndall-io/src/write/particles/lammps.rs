@@ -2,7 +2,7 @@
 
 use std::io;
 
-use tyndall::particles::{Attribute, Values};
+use tyndall::particles::{Attribute, View};
 use tyndall::{Cell, DVec3, Particles};
 
 use super::snapshot::{Names, Snapshot, component_names};
@@ -23,10 +23,10 @@ pub(super) fn write(out: &mut dyn Out, snapshot: &Snapshot, place: &mut Place) -
     let integer = |name: &str| {
         snapshot
             .named(&[name])
-            .filter(|it| it.components == 1 && matches!(it.values, Values::I32(_) | Values::I64(_)))
+            .filter(|it| it.components == 1 && matches!(it.values.view(), View::I32(_) | View::I64(_)))
     };
     let (id_column, kind) = (integer("id"), integer("type"));
-    let element = snapshot.named(&["element"]).filter(|it| matches!(it.values, Values::Text { .. }));
+    let element = snapshot.named(&["element"]).filter(|it| matches!(it.values.view(), View::Text { .. }));
     let is = |a: &Attribute, b: Option<&Attribute>| b.is_some_and(|b| std::ptr::eq(a, b));
     let others: Vec<&Attribute> =
         snapshot.attributes.iter().copied().filter(|it| !is(it, id_column) && !is(it, kind)).collect();

@@ -2,7 +2,7 @@
 
 use std::io::{self, Write};
 
-use tyndall::particles::{Attribute, Values};
+use tyndall::particles::{Attribute, View};
 use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, ZipWriter};
 
@@ -98,13 +98,13 @@ struct Column<'a> {
 impl<'a> Column<'a> {
     fn of(attribute: &'a Attribute) -> Self {
         let mut letters = 0;
-        let kind = match &attribute.values {
-            Values::F32(_) => "<f4".to_string(),
-            Values::F64(_) => "<f8".to_string(),
-            Values::I32(_) => "<i4".to_string(),
-            Values::I64(_) => "<i8".to_string(),
-            Values::U8(_) => "|u1".to_string(),
-            Values::Text { names, .. } => {
+        let kind = match attribute.values.view() {
+            View::F32(_) => "<f4".to_string(),
+            View::F64(_) => "<f8".to_string(),
+            View::I32(_) => "<i4".to_string(),
+            View::I64(_) => "<i8".to_string(),
+            View::U8(_) => "|u1".to_string(),
+            View::Text { names, .. } => {
                 letters = names.iter().map(|it| it.chars().count()).max().unwrap_or(0).max(1);
                 format!("<U{letters}")
             }
@@ -113,7 +113,7 @@ impl<'a> Column<'a> {
     }
 
     fn push(&self, bytes: &mut Vec<u8>, id: usize) {
-        let Values::Text { codes, names } = &self.attribute.values else {
+        let View::Text { codes, names } = self.attribute.values.view() else {
             return rows::stored(bytes, self.attribute, id);
         };
         for code in &codes[id * self.attribute.components..][..self.attribute.components] {

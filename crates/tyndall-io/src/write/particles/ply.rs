@@ -2,7 +2,7 @@
 
 use std::io;
 
-use tyndall::particles::{Attribute, Values};
+use tyndall::particles::{Attribute, Values, View};
 
 use super::snapshot::{Names, Snapshot, component_names};
 use super::{Out, Place, rows, text};
@@ -19,13 +19,13 @@ enum Type {
 impl Type {
     /// What holds all values: PLY has no integers of 64 bits, so large ones become floats.
     fn of(values: &Values) -> Self {
-        match values {
-            Values::F32(_) => Self::Float,
-            Values::F64(_) => Self::Double,
-            Values::I32(_) | Values::Text { .. } => Self::Int,
-            Values::U8(_) => Self::Uchar,
-            Values::I64(values) if values.iter().all(|&it| i32::try_from(it).is_ok()) => Self::Int,
-            Values::I64(_) => Self::Double,
+        match values.view() {
+            View::F32(_) => Self::Float,
+            View::F64(_) => Self::Double,
+            View::I32(_) | View::Text { .. } => Self::Int,
+            View::U8(_) => Self::Uchar,
+            View::I64(values) if values.iter().all(|&it| i32::try_from(it).is_ok()) => Self::Int,
+            View::I64(_) => Self::Double,
         }
     }
 
@@ -74,7 +74,7 @@ pub(super) fn write(out: &mut dyn Out, snapshot: &Snapshot, place: &mut Place) -
             properties +=
                 &format!("property {} {}\n", kind.name(), taken.distinct(text::plain_name(&name, &[])));
         }
-        if let Values::Text { names, .. } = &attribute.values {
+        if let View::Text { names, .. } = attribute.values.view() {
             place.note(format!(
                 "'{}': PLY has no words; numbers stand for them, a comment says which",
                 attribute.name

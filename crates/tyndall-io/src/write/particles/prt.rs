@@ -6,7 +6,7 @@ use std::io;
 
 use flate2::Compression;
 use flate2::write::ZlibEncoder;
-use tyndall::particles::{Attribute, Values};
+use tyndall::particles::{Attribute, View};
 
 use super::snapshot::Snapshot;
 use super::{Out, Place, rows};
@@ -39,13 +39,13 @@ pub(super) fn write(out: &mut dyn Out, snapshot: &Snapshot, place: &mut Place) -
     let mut channels = vec![("Position".to_string(), if is_single { 4u32 } else { 5 }, 3)];
     let mut columns: Vec<&Attribute> = Vec::new();
     for attribute in &snapshot.attributes {
-        let code = match &attribute.values {
-            Values::I32(_) => 1,
-            Values::I64(_) => 2,
-            Values::F32(_) => 4,
-            Values::F64(_) => 5,
-            Values::U8(_) => 10,
-            Values::Text { .. } => {
+        let code = match attribute.values.view() {
+            View::I32(_) => 1,
+            View::I64(_) => 2,
+            View::F32(_) => 4,
+            View::F64(_) => 5,
+            View::U8(_) => 10,
+            View::Text { .. } => {
                 place.note(format!("'{}': PRT has no words; numbers stand for them", attribute.name));
                 7
             }

@@ -3,7 +3,7 @@
 use std::io::{self, Write};
 
 use rayon::prelude::*;
-use tyndall::particles::{Attribute, Values};
+use tyndall::particles::{Attribute, View};
 
 /// Rows that a thread makes at a time.
 const JOB_ROWS: usize = 1 << 12;
@@ -44,12 +44,12 @@ pub(super) fn write_fixed(
 /// Appends the components of an attribute of particle `id`, as they are stored, little-endian; words as their codes.
 pub(super) fn stored(bytes: &mut Vec<u8>, attribute: &Attribute, id: usize) {
     let range = id * attribute.components..(id + 1) * attribute.components;
-    match &attribute.values {
-        Values::F32(values) => values[range].iter().for_each(|it| bytes.extend(it.to_le_bytes())),
-        Values::F64(values) => values[range].iter().for_each(|it| bytes.extend(it.to_le_bytes())),
-        Values::I32(values) => values[range].iter().for_each(|it| bytes.extend(it.to_le_bytes())),
-        Values::I64(values) => values[range].iter().for_each(|it| bytes.extend(it.to_le_bytes())),
-        Values::U8(values) => bytes.extend_from_slice(&values[range]),
-        Values::Text { codes, .. } => codes[range].iter().for_each(|it| bytes.extend(it.to_le_bytes())),
+    match attribute.values.view() {
+        View::F32(values) => values[range].iter().for_each(|it| bytes.extend(it.to_le_bytes())),
+        View::F64(values) => values[range].iter().for_each(|it| bytes.extend(it.to_le_bytes())),
+        View::I32(values) => values[range].iter().for_each(|it| bytes.extend(it.to_le_bytes())),
+        View::I64(values) => values[range].iter().for_each(|it| bytes.extend(it.to_le_bytes())),
+        View::U8(values) => bytes.extend_from_slice(&values[range]),
+        View::Text { codes, .. } => codes[range].iter().for_each(|it| bytes.extend(it.to_le_bytes())),
     }
 }

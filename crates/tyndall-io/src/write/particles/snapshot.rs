@@ -3,7 +3,7 @@
 use std::collections::HashSet;
 
 use rayon::prelude::*;
-use tyndall::particles::{Attribute, Radii, Values};
+use tyndall::particles::{Attribute, Radii, View};
 use tyndall::{DVec3, Error, Particles, Result};
 
 /// See the module.
@@ -87,7 +87,7 @@ impl<'a> Snapshot<'a> {
                 .iter()
                 .copied()
                 .find(|it| it.components == components && it.name.eq_ignore_ascii_case(name))
-                .filter(|it| !matches!(it.values, Values::Text { .. }))
+                .filter(|it| !matches!(it.values.view(), View::Text { .. }))
         };
         let three = COLORS.iter().find_map(|names| {
             let [Some(red), Some(green), Some(blue)] = names.map(|name| find(name, 1)) else { return None };

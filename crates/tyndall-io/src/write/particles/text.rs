@@ -3,7 +3,7 @@
 use std::fmt::{Display, LowerExp};
 use std::io::{self, Write};
 
-use tyndall::particles::{Attribute, Positions, Values};
+use tyndall::particles::{Attribute, Positions, View};
 
 use super::Out;
 
@@ -115,13 +115,13 @@ pub(super) fn value(
     word: impl Fn(&mut Vec<u8>, &str),
 ) {
     let place = id * attribute.components + component;
-    match &attribute.values {
-        Values::F32(values) => shortest(line, values[place], values[place].abs().into()),
-        Values::F64(values) => number(line, values[place]),
-        Values::I32(values) => _ = write!(line, "{}", values[place]),
-        Values::I64(values) => _ = write!(line, "{}", values[place]),
-        Values::U8(values) => _ = write!(line, "{}", values[place]),
-        Values::Text { codes, names } => word(line, &names[codes[place] as usize]),
+    match attribute.values.view() {
+        View::F32(values) => shortest(line, values[place], values[place].abs().into()),
+        View::F64(values) => number(line, values[place]),
+        View::I32(values) => _ = write!(line, "{}", values[place]),
+        View::I64(values) => _ = write!(line, "{}", values[place]),
+        View::U8(values) => _ = write!(line, "{}", values[place]),
+        View::Text { codes, names } => word(line, &names[codes[place] as usize]),
     }
 }
 
@@ -135,7 +135,7 @@ pub(super) fn between_blanks(line: &mut Vec<u8>, word: &str) {
 
 /// Whether a word cannot stand between blanks as it is.
 pub(super) fn is_changed_between_blanks(attribute: &Attribute) -> bool {
-    let Values::Text { names, .. } = &attribute.values else { return false };
+    let View::Text { names, .. } = attribute.values.view() else { return false };
     names.iter().any(|name| name.is_empty() || name.bytes().any(|byte| byte.is_ascii_whitespace()))
 }
 

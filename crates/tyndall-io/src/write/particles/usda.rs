@@ -2,7 +2,7 @@
 
 use std::io::{self, Write};
 
-use tyndall::particles::{Attribute, Values};
+use tyndall::particles::{Attribute, View};
 
 use super::snapshot::{Names, Snapshot};
 use super::{Out, Place, rows, text};
@@ -48,7 +48,7 @@ pub(super) fn write(out: &mut dyn Out, snapshot: &Snapshot, place: &mut Place) -
     }
     let id = snapshot
         .named(&["id"])
-        .filter(|it| it.components == 1 && matches!(it.values, Values::I32(_) | Values::I64(_)));
+        .filter(|it| it.components == 1 && matches!(it.values.view(), View::I32(_) | View::I64(_)));
     let velocity = snapshot.named(&["velocity", "vel", "v"]).filter(|it| it.components == 3);
     let mut names = Names::beside(&["displayColor"]);
     for attribute in &snapshot.attributes {
@@ -101,7 +101,7 @@ fn of_points(elements: usize) -> String {
 /// Whether USD has a type for all components of a particle together.
 fn is_tuple(attribute: &Attribute) -> bool {
     (2..=4).contains(&attribute.components)
-        && !matches!(attribute.values, Values::I64(_) | Values::Text { .. })
+        && !matches!(attribute.values.view(), View::I64(_) | View::Text { .. })
 }
 
 /// `    type name = [a, b, ...] (metadata)`
@@ -133,12 +133,12 @@ fn tuple(line: &mut Vec<u8>, values: [f32; 3]) {
 
 /// USD's type of an array.
 fn primvar(attribute: &Attribute) -> String {
-    let scalar = match attribute.values {
-        Values::F32(_) => "float",
-        Values::F64(_) => "double",
-        Values::I32(_) | Values::U8(_) => "int",
-        Values::I64(_) => "int64",
-        Values::Text { .. } => "string",
+    let scalar = match attribute.values.view() {
+        View::F32(_) => "float",
+        View::F64(_) => "double",
+        View::I32(_) | View::U8(_) => "int",
+        View::I64(_) => "int64",
+        View::Text { .. } => "string",
     };
     match attribute.components {
         count if is_tuple(attribute) => format!("{scalar}{count}[]"),

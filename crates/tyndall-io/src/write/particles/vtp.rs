@@ -4,7 +4,7 @@
 
 use std::io;
 
-use tyndall::particles::{Attribute, Values};
+use tyndall::particles::{Attribute, Values, View};
 
 use super::snapshot::Snapshot;
 use super::{Out, Place, rows};
@@ -41,7 +41,7 @@ pub(super) fn write(out: &mut dyn Out, snapshot: &Snapshot, place: &mut Place) -
     for attribute in &snapshot.attributes {
         let name = escaped(&attribute.name);
         let components = attribute.components;
-        if let Values::Text { codes, names } = &attribute.values {
+        if let View::Text { codes, names } = attribute.values.view() {
             text += &format!(
                 "<Array type=\"String\" Name=\"{name}\" NumberOfComponents=\"{components}\" format=\"ascii\">\n"
             );
@@ -68,7 +68,7 @@ pub(super) fn write(out: &mut dyn Out, snapshot: &Snapshot, place: &mut Place) -
         8 * axis_bytes
     );
     out.write_all(text.as_bytes())?;
-    for attribute in snapshot.attributes.iter().filter(|it| !matches!(it.values, Values::Text { .. })) {
+    for attribute in snapshot.attributes.iter().filter(|it| !matches!(it.values.view(), View::Text { .. })) {
         out.write_all(&(count * row_bytes(attribute)).to_le_bytes())?;
         rows::write_fixed(out, snapshot.len(), |bytes, id| rows::stored(bytes, attribute, id))?;
     }
@@ -91,22 +91,22 @@ pub(super) fn write(out: &mut dyn Out, snapshot: &Snapshot, place: &mut Place) -
 }
 
 fn row_bytes(attribute: &Attribute) -> u64 {
-    let bytes = match attribute.values {
-        Values::U8(_) => 1,
-        Values::F32(_) | Values::I32(_) | Values::Text { .. } => 4,
-        Values::F64(_) | Values::I64(_) => 8,
+    let bytes = match attribute.values.view() {
+        View::U8(_) => 1,
+        View::F32(_) | View::I32(_) | View::Text { .. } => 4,
+        View::F64(_) | View::I64(_) => 8,
     };
     bytes * attribute.components as u64
 }
 
 fn type_name(values: &Values) -> &'static str {
-    match values {
-        Values::F32(_) => "Float32",
-        Values::F64(_) => "Float64",
-        Values::I32(_) => "Int32",
-        Values::I64(_) => "Int64",
-        Values::U8(_) => "UInt8",
-        Values::Text { .. } => "String",
+    match values.view() {
+        View::F32(_) => "Float32",
+        View::F64(_) => "Float64",
+        View::I32(_) => "Int32",
+        View::I64(_) => "Int64",
+        View::U8(_) => "UInt8",
+        View::Text { .. } => "String",
     }
 }
 

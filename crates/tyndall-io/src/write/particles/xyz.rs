@@ -2,7 +2,7 @@
 
 use std::io;
 
-use tyndall::particles::Values;
+use tyndall::particles::View;
 
 use super::snapshot::Snapshot;
 use super::{Out, Place, text};
@@ -25,7 +25,7 @@ pub(super) fn write(out: &mut dyn Out, snapshot: &Snapshot, place: &mut Place) -
     }
     // Where there is an element, programs look for it in front.
     let element = snapshot.named(&["element", "species", "type_name"]);
-    let element = element.filter(|it| it.components == 1 && matches!(it.values, Values::Text { .. }));
+    let element = element.filter(|it| it.components == 1 && matches!(it.values.view(), View::Text { .. }));
     let others: Vec<_> = snapshot
         .attributes
         .iter()
@@ -34,10 +34,10 @@ pub(super) fn write(out: &mut dyn Out, snapshot: &Snapshot, place: &mut Place) -
         .collect();
     comment += if element.is_some() { "Properties=species:S:1:pos:R:3" } else { "Properties=pos:R:3" };
     for attribute in &others {
-        let kind = match attribute.values {
-            Values::F32(_) | Values::F64(_) => 'R',
-            Values::I32(_) | Values::I64(_) | Values::U8(_) => 'I',
-            Values::Text { .. } => 'S',
+        let kind = match attribute.values.view() {
+            View::F32(_) | View::F64(_) => 'R',
+            View::I32(_) | View::I64(_) | View::U8(_) => 'I',
+            View::Text { .. } => 'S',
         };
         let name = text::plain_name(&attribute.name, &[':', '=', '"']);
         comment += &format!(":{name}:{kind}:{}", attribute.components);

@@ -159,14 +159,10 @@ impl Outline {
         bounds: Bounds,
         mut read: impl FnMut(Array, &mut [u8]) -> Result<()>,
     ) -> Result<Bvh> {
-        let mut nodes = pages::filled(self.nodes(), Node::default());
-        let mut blocks = Blocks::zeroed(self.packing, self.leaves());
-        let mut sizes = Sizes::zeroed(&self.law, self.leaves());
-        let mut ids = pages::filled(self.particles, 0_u32);
-        read(Array::Nodes, bytemuck::cast_slice_mut(&mut nodes))?;
-        read(Array::Blocks, blocks.as_bytes_mut())?;
-        read(Array::Sizes, sizes.as_bytes_mut())?;
-        read(Array::Ids, bytemuck::cast_slice_mut(&mut ids))?;
+        let nodes = pages::written(self.nodes(), |bytes| read(Array::Nodes, bytes))?;
+        let blocks = Blocks::read(self.packing, self.leaves(), |bytes| read(Array::Blocks, bytes))?;
+        let sizes = Sizes::read(&self.law, self.leaves(), |bytes| read(Array::Sizes, bytes))?;
+        let ids = pages::written(self.particles, |bytes| read(Array::Ids, bytes))?;
         let Levels { first, count, top } = self.levels;
         Ok(Bvh {
             nodes,

@@ -9,6 +9,9 @@ use glam::Vec3;
 use rayon::prelude::*;
 
 use super::LEAF;
+#[cfg(feature = "gpu")]
+use crate::error::Result;
+use crate::frozen::{Frozen, Region};
 use crate::math::Bounds;
 use crate::pages;
 use crate::simd::{Lanes3, floats_of_bytes, floats_of_words};
@@ -38,6 +41,9 @@ pub(crate) trait Block: Copy + Send + Sync {
 
     /// All centers; places that are left over hold NaN, which no test accepts.
     fn centers<S: Simd>(&self, simd: S) -> Lanes3<f32x16<S>>;
+
+    /// Whether the places from `place` on are left over.
+    fn ends_before(&self, place: usize) -> bool;
 }
 
 /// Centers as they are.
@@ -64,6 +70,10 @@ impl Block for Exact {
     #[inline(always)]
     fn centers<S: Simd>(&self, simd: S) -> Lanes3<f32x16<S>> {
         Lanes3::load(simd, &self.0)
+    }
+
+    fn ends_before(&self, place: usize) -> bool {
+        self.0.iter().all(|column| column[place..].iter().all(|it| it.is_nan()))
     }
 }
 
@@ -162,6 +172,10 @@ macro_rules! columns_block {
                     z: self.frame.coordinates(simd, 2, $floats(simd, z)),
                 }
             }
+
+            fn ends_before(&self, place: usize) -> bool {
+                usize::from(self.frame.count) <= place
+            }
         }
     };
 }
@@ -222,10 +236,22 @@ impl Block for Words {
             z: self.frame.coordinates(simd, 2, steps_of_words(simd, words, 2)),
         }
     }
+
+    fn ends_before(&self, place: usize) -> bool {
+        usize::from(self.frame.count) <= place
+    }
 }
 
 /// The blocks of a tree, all of one packing.
 pub(crate) enum Blocks {
+    Exact(Frozen<Exact>),
+    Bits16(Frozen<Columns16>),
+    Bits11(Frozen<Words>),
+    Bits8(Frozen<Columns8>),
+}
+
+/// Blocks that are still written, one after the other.
+pub(super) enum Unfrozen {
     Exact(Vec<Exact>),
     Bits16(Vec<Columns16>),
     Bits11(Vec<Words>),
@@ -244,19 +270,19 @@ fn extend<B: Block, const N: usize>(blocks: &mut Vec<B>, records: &[Record<N>]) 
     blocks.par_extend(records.par_chunks(LEAF).with_min_len(1 << 10).map(block));
 }
 
-/// Runs the same expression on whichever vector `Blocks` holds.
+/// Runs the same expression on whichever array [`Blocks`] or [`Unfrozen`] holds.
 macro_rules! each_blocks {
-    ($blocks:expr, $held:ident => $body:expr) => {
+    ($store:ident, $blocks:expr, $held:ident => $body:expr) => {
         match $blocks {
-            Blocks::Exact($held) => $body,
-            Blocks::Bits16($held) => $body,
-            Blocks::Bits11($held) => $body,
-            Blocks::Bits8($held) => $body,
+            $store::Exact($held) => $body,
+            $store::Bits16($held) => $body,
+            $store::Bits11($held) => $body,
+            $store::Bits8($held) => $body,
         }
     };
 }
 
-impl Blocks {
+impl Unfrozen {
     /// None yet, with room for `count`, on huge pages.
     pub(super) fn with_capacity(packing: Packing, count: usize) -> Self {
         match packing {
@@ -269,28 +295,63 @@ impl Blocks {
 
     /// Packs sorted records, sixteen a block.
     pub(super) fn extend<const N: usize>(&mut self, records: &[Record<N>]) {
-        each_blocks!(self, blocks => extend(blocks, records))
+        each_blocks!(Unfrozen, self, blocks => extend(blocks, records))
+    }
+
+    /// The center at `place` of a block.
+    pub(super) fn center(&self, block: usize, place: usize) -> Vec3 {
+        each_blocks!(Unfrozen, self, blocks => blocks[block].center(place))
+    }
+
+    /// All of them.
+    pub(super) fn freeze(self) -> Blocks {
+        match self {
+            Self::Exact(blocks) => Blocks::Exact(blocks.into()),
+            Self::Bits16(blocks) => Blocks::Bits16(blocks.into()),
+            Self::Bits11(blocks) => Blocks::Bits11(blocks.into()),
+            Self::Bits8(blocks) => Blocks::Bits8(blocks.into()),
+        }
+    }
+}
+
+impl Blocks {
+    /// Those whose memory is `region`; none if it is not that of blocks.
+    pub(super) fn of(packing: Packing, region: Region) -> Option<Self> {
+        Some(match packing {
+            Packing::Exact => Self::Exact(Frozen::of(region)?),
+            Packing::Bits16 => Self::Bits16(Frozen::of(region)?),
+            Packing::Bits11 => Self::Bits11(Frozen::of(region)?),
+            Packing::Bits8 => Self::Bits8(Frozen::of(region)?),
+        })
+    }
+
+    /// Whether these are the blocks of so many particles, and none more is in the last one.
+    pub(super) fn hold(&self, particles: usize) -> bool {
+        fn hold<B: Block>(blocks: &[B], particles: usize) -> bool {
+            let ends = |last: &B| last.ends_before(particles - LEAF * (blocks.len() - 1));
+            blocks.len() == particles.div_ceil(LEAF) && blocks.last().is_none_or(ends)
+        }
+        each_blocks!(Blocks, self, blocks => hold(blocks, particles))
     }
 
     /// The centers of a block.
     #[inline(always)]
     pub(crate) fn centers<S: Simd>(&self, simd: S, block: usize) -> Lanes3<f32x16<S>> {
-        each_blocks!(self, blocks => blocks[block].centers(simd))
+        each_blocks!(Blocks, self, blocks => blocks[block].centers(simd))
     }
 
     /// The center at `place` of a block.
     #[inline(always)]
     pub(crate) fn center(&self, block: usize, place: usize) -> Vec3 {
-        each_blocks!(self, blocks => blocks[block].center(place))
+        each_blocks!(Blocks, self, blocks => blocks[block].center(place))
     }
 
     /// Memory they take, in bytes.
     pub(super) fn bytes(&self) -> usize {
-        each_blocks!(self, blocks => size_of_val(&blocks[..]))
+        each_blocks!(Blocks, self, blocks => size_of_val(&blocks[..]))
     }
 
     /// How they hold their centers.
-    #[cfg(feature = "gpu")]
     pub(super) fn packing(&self) -> Packing {
         match self {
             Self::Exact(_) => Packing::Exact,
@@ -300,26 +361,23 @@ impl Blocks {
         }
     }
 
-    /// Room for `count`.
+    /// `count` of them, whose memory `fill` writes.
     #[cfg(feature = "gpu")]
-    pub(super) fn zeroed(packing: Packing, count: usize) -> Self {
-        match packing {
-            Packing::Exact => Self::Exact(pages::filled(count, Zeroable::zeroed())),
-            Packing::Bits16 => Self::Bits16(pages::filled(count, Zeroable::zeroed())),
-            Packing::Bits11 => Self::Bits11(pages::filled(count, Zeroable::zeroed())),
-            Packing::Bits8 => Self::Bits8(pages::filled(count, Zeroable::zeroed())),
-        }
-    }
-
-    /// Their memory, to be written.
-    #[cfg(feature = "gpu")]
-    pub(super) fn as_bytes_mut(&mut self) -> &mut [u8] {
-        each_blocks!(self, blocks => bytemuck::cast_slice_mut(blocks))
+    pub(super) fn read(
+        packing: Packing,
+        count: usize,
+        fill: impl FnOnce(&mut [u8]) -> Result<()>,
+    ) -> Result<Self> {
+        Ok(match packing {
+            Packing::Exact => Self::Exact(pages::written(count, fill)?),
+            Packing::Bits16 => Self::Bits16(pages::written(count, fill)?),
+            Packing::Bits11 => Self::Bits11(pages::written(count, fill)?),
+            Packing::Bits8 => Self::Bits8(pages::written(count, fill)?),
+        })
     }
 
     /// Their memory as it is.
-    #[cfg(feature = "gpu")]
     pub(super) fn as_bytes(&self) -> &[u8] {
-        each_blocks!(self, blocks => bytemuck::cast_slice(blocks))
+        each_blocks!(Blocks, self, blocks => bytemuck::cast_slice(blocks))
     }
 }

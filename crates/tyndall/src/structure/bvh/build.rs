@@ -4,11 +4,12 @@
 
 use rayon::prelude::*;
 
-use super::block::{Blocks, Packing};
+use super::block::{Blocks, Packing, Unfrozen};
 use super::shown::Shown;
 use super::sizes::Sizes;
 use super::{Bvh, LEAF, LEVELS, Node, WIDTH, box_slack, packing_error};
 use crate::error::{Error, Result};
+use crate::frozen::Frozen;
 use crate::math::Bounds;
 use crate::progress::Progress;
 #[cfg(feature = "gpu")]
@@ -40,9 +41,11 @@ impl Bvh {
         } else {
             Sizes::Uniform(radius)
         };
-        let mut blocks = Blocks::with_capacity(packing, records.len().div_ceil(LEAF));
+        let mut blocks = Unfrozen::with_capacity(packing, records.len().div_ceil(LEAF));
         blocks.extend(&records);
+        let blocks = blocks.freeze();
         let ids: Vec<u32> = records.par_iter().map(|record| record.id).collect();
+        let ids = Frozen::from(ids);
         if packing == Packing::Exact {
             // Nothing to compare with: their memory is free for the nodes.
             drop(records);
@@ -67,7 +70,7 @@ impl Bvh {
     }
 
     /// Puts nodes over leaves of particles with `radius_scale` times the radii of `sizes`.
-    pub(super) fn over(blocks: Blocks, sizes: Sizes, ids: Vec<u32>, radius_scale: f32) -> Self {
+    pub(super) fn over(blocks: Blocks, sizes: Sizes, ids: Frozen<u32>, radius_scale: f32) -> Self {
         let Levels { first, count, top } = Levels::over(ids.len());
         let mut boxes: Vec<Bounds> = (0..count[0] as usize)
             .into_par_iter()
@@ -92,7 +95,7 @@ impl Bvh {
         let bounds = boxes.first().copied().unwrap_or(Bounds::EMPTY);
         let slack = box_slack(&bounds);
         Self {
-            nodes,
+            nodes: nodes.into(),
             first,
             count,
             top,

@@ -4,6 +4,7 @@ use glam::Vec3;
 
 use super::build::Levels;
 use super::{Bvh, LEAF, Node, Place, WIDTH, box_slack, power_of_two};
+use crate::frozen::Frozen;
 use crate::math::Bounds;
 
 impl Bvh {
@@ -11,7 +12,7 @@ impl Bvh {
     /// with less than two steps to spare.
     pub(crate) fn check(&self) -> Result<(), String> {
         let count = self.ids.len();
-        let mut ids = self.ids.clone();
+        let mut ids = self.ids.to_vec();
         ids.sort_unstable();
         if !ids.into_iter().eq(0..count as u32) {
             return Err("some id is not there once".into());
@@ -90,14 +91,21 @@ impl Node {
     }
 }
 
+/// Puts an altered copy in the place of an array.
+fn edit<T: Clone + Send + Sync>(array: &mut Frozen<T>, change: impl FnOnce(&mut [T])) {
+    let mut items = array.to_vec();
+    change(&mut items);
+    *array = items.into();
+}
+
 /// Ways to break a hierarchy, each of which the check has to see.
 pub(crate) const SABOTAGES: [fn(&mut Bvh); 8] = [
-    |bvh| bvh.ids[3] = bvh.ids[4],
-    |bvh| bvh.ids[0] = u32::MAX,
-    |bvh| bvh.nodes[0].steps[1][WIDTH] -= 1,
-    |bvh| bvh.nodes[0].steps[2][0] += 2,
-    |bvh| bvh.nodes[0].exponent[0] += 2,
-    |bvh| bvh.nodes[0].corner[0] += 0.05,
+    |bvh| edit(&mut bvh.ids, |ids| ids[3] = ids[4]),
+    |bvh| edit(&mut bvh.ids, |ids| ids[0] = u32::MAX),
+    |bvh| edit(&mut bvh.nodes, |nodes| nodes[0].steps[1][WIDTH] -= 1),
+    |bvh| edit(&mut bvh.nodes, |nodes| nodes[0].steps[2][0] += 2),
+    |bvh| edit(&mut bvh.nodes, |nodes| nodes[0].exponent[0] += 2),
+    |bvh| edit(&mut bvh.nodes, |nodes| nodes[0].corner[0] += 0.05),
     |bvh| bvh.count[1] += 1,
     |bvh| bvh.bounds.max.y += 0.01,
 ];

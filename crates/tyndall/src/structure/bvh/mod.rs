@@ -14,6 +14,7 @@ mod build;
 mod check;
 mod packing_error;
 mod rays;
+mod saved;
 mod shown;
 mod sizes;
 mod stream;
@@ -22,6 +23,7 @@ use fearless_simd::{f32x8, f32x16, prelude::*};
 use glam::Vec3;
 
 use super::box_slack;
+use crate::frozen::Frozen;
 use crate::math::{Bounds, HIT_ROUNDING};
 use crate::simd::{Lanes3, floats_of_bytes};
 #[cfg(feature = "gpu")]
@@ -125,7 +127,7 @@ const LEVELS: usize = 12;
 /// See the module.
 pub struct Bvh {
     /// All nodes, level by level from those over the leaves to the root.
-    nodes: Vec<Node>,
+    nodes: Frozen<Node>,
     /// Where each level begins among `nodes`, and how many it has; level 0 are the leaves.
     first: [u32; LEVELS],
     count: [u32; LEVELS],
@@ -135,7 +137,7 @@ pub struct Bvh {
     sizes: Sizes,
     radius_scale: f32,
     /// Of every particle of the tree the id.
-    ids: Vec<u32>,
+    ids: Frozen<u32>,
     /// By how much boxes are grown against the rounding of decoded coordinates, and since radii were scaled.
     pub(crate) slack: f32,
     bounds: Bounds,

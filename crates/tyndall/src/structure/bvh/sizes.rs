@@ -6,6 +6,9 @@ use fearless_simd::{f32x16, prelude::*};
 use super::LEAF;
 use super::block::Packing;
 #[cfg(feature = "gpu")]
+use crate::error::Result;
+use crate::frozen::Frozen;
+#[cfg(feature = "gpu")]
 use crate::pages;
 
 /// Radii of sixteen particles, packed: 8 bits each, in equal ratios from the least.
@@ -66,12 +69,12 @@ pub(crate) enum Sizes {
         /// The different radii.
         radii: Box<[f32; 256]>,
         /// Which of them each particle has.
-        codes: Vec<[u8; LEAF]>,
+        codes: Frozen<[u8; LEAF]>,
     },
     /// Each its own.
-    Each(Vec<[f32; LEAF]>),
+    Each(Frozen<[f32; LEAF]>),
     /// Each its own, packed.
-    Log(Vec<LogRadii>),
+    Log(Frozen<LogRadii>),
 }
 
 impl Sizes {
@@ -86,7 +89,7 @@ impl Sizes {
                 codes.iter_mut().zip(leaf).for_each(|(slot, &radius)| *slot = code(radius));
                 codes
             });
-            return Self::Table { codes: codes.collect(), radii: padded(&table) };
+            return Self::Table { codes: codes.collect::<Vec<_>>().into(), radii: padded(&table) };
         }
         if matches!(law, Law::Each) {
             let each = leaves.map(|leaf| {
@@ -94,32 +97,32 @@ impl Sizes {
                 each[..leaf.len()].copy_from_slice(leaf);
                 each
             });
-            return Self::Each(each.collect());
+            return Self::Each(each.collect::<Vec<_>>().into());
         }
-        Self::Log(leaves.map(LogRadii::encode).collect())
+        Self::Log(leaves.map(LogRadii::encode).collect::<Vec<_>>().into())
     }
 
-    /// Room for the radii of so many leaves.
+    /// The radii of so many leaves, whose memory `fill` writes.
     #[cfg(feature = "gpu")]
-    pub(super) fn zeroed(law: &Law, leaves: usize) -> Self {
-        match law {
-            Law::Uniform(radius) => Self::Uniform(*radius),
-            Law::Table(table) => {
-                Self::Table { radii: padded(table), codes: pages::filled(leaves, [0; LEAF]) }
+    pub(super) fn read(law: &Law, leaves: usize, fill: impl FnOnce(&mut [u8]) -> Result<()>) -> Result<Self> {
+        Ok(match law {
+            Law::Uniform(radius) => {
+                fill(&mut [])?;
+                Self::Uniform(*radius)
             }
-            Law::Each => Self::Each(pages::filled(leaves, [0.0; LEAF])),
-            Law::Log => Self::Log(pages::filled(leaves, LogRadii::zeroed())),
-        }
+            Law::Table(table) => Self::Table { radii: padded(table), codes: pages::written(leaves, fill)? },
+            Law::Each => Self::Each(pages::written(leaves, fill)?),
+            Law::Log => Self::Log(pages::written(leaves, fill)?),
+        })
     }
 
     /// The memory that stands leaf by leaf.
-    #[cfg(feature = "gpu")]
-    pub(super) fn as_bytes_mut(&mut self) -> &mut [u8] {
+    pub(super) fn as_bytes(&self) -> &[u8] {
         match self {
-            Self::Uniform(_) => &mut [],
-            Self::Table { codes, .. } => codes.as_flattened_mut(),
-            Self::Each(radii) => bytemuck::cast_slice_mut(radii),
-            Self::Log(radii) => bytemuck::cast_slice_mut(radii),
+            Self::Uniform(_) => &[],
+            Self::Table { codes, .. } => codes.as_flattened(),
+            Self::Each(radii) => bytemuck::cast_slice(radii),
+            Self::Log(radii) => bytemuck::cast_slice(radii),
         }
     }
 

@@ -11,7 +11,7 @@ use std::sync::{Mutex, PoisonError};
 use glam::Vec3;
 use rayon::prelude::*;
 
-use super::block::{Blocks, Packing};
+use super::block::{Packing, Unfrozen};
 use super::build::sort;
 use super::packing_error::Sums;
 use super::sizes::Sizes;
@@ -48,7 +48,7 @@ impl Bvh {
         progress.begin("build", Some(kept), "particles");
         let bricks = (kept as usize).div_ceil(BRICK);
         let window = (at_once as usize / BRICK).max(1);
-        let mut blocks = Blocks::with_capacity(packing, (kept as usize).div_ceil(LEAF));
+        let mut blocks = Unfrozen::with_capacity(packing, (kept as usize).div_ceil(LEAF));
         let mut ids = Vec::with_capacity(kept as usize);
         let mut sums = Sums::default();
         for first in (0..bricks).step_by(window) {
@@ -69,7 +69,8 @@ impl Bvh {
             }
         }
         let packing_error = (packing != Packing::Exact).then(|| sums.error(ids.len()));
-        let bvh = Self { packing_error, ..Self::over(blocks, Sizes::Uniform(radius), ids, 1.0) };
+        let bvh =
+            Self { packing_error, ..Self::over(blocks.freeze(), Sizes::Uniform(radius), ids.into(), 1.0) };
         Ok((bvh, source.len() - kept))
     }
 }

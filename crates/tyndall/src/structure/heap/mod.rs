@@ -11,13 +11,16 @@
 #[cfg(feature = "gpu")]
 mod arrays;
 mod build;
+mod saved;
 mod shown;
 mod walk;
 
+use bytemuck::{Pod, Zeroable};
 use glam::Vec3;
 use rayon::prelude::*;
 
 use super::build::Record;
+use crate::frozen::Frozen;
 use crate::math::Bounds;
 use crate::pages;
 #[cfg(feature = "gpu")]
@@ -76,7 +79,8 @@ impl Options {
 }
 
 /// A run of particles that is one heap.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Pod, Zeroable)]
+#[repr(C)]
 pub(super) struct Heap {
     /// The box of its centers.
     pub(super) centers: Bounds,
@@ -102,9 +106,9 @@ impl Heap {
 /// The particles of all heaps, column by column.
 pub(super) struct Columns {
     /// A few more than there are particles, NaN, so that lanes may be loaded behind the last one.
-    center: [Vec<f32>; 3],
+    center: [Frozen<f32>; 3],
     /// One a node, and a few more, where radii differ.
-    radii: Vec<f32>,
+    radii: Frozen<f32>,
     /// The radius of all where they do not.
     uniform: f32,
     /// By what radii are scaled since they were built, here and in the heaps.
@@ -112,9 +116,9 @@ pub(super) struct Columns {
     /// Which particles are shown, where that is not all.
     shown: Option<Shown>,
     /// Of every node the id.
-    ids: Vec<u32>,
+    ids: Frozen<u32>,
     /// The axes of each heap's nodes above the lowest levels, from the eighth part of its first place on.
-    axes: Vec<u8>,
+    axes: Frozen<u8>,
 }
 
 /// Levels at the bottom of a heap that are tried at once.
@@ -124,35 +128,39 @@ const LOWEST: u32 = 4;
 const PADDING: usize = 8;
 
 impl Columns {
-    /// Takes for each node the record at `place(node)`; `uniform` is the radius of all where the records have none.
+    /// Takes for each node the record at `place(node)`; `uniform` is the radius of all where the records have none. `heaps` are all, in
+    /// order.
     pub(super) fn gather<const N: usize>(
         records: &[Record<N>],
         uniform: f32,
         place: impl Fn(usize) -> usize + Sync,
+        heaps: &[Heap],
+        options: Options,
     ) -> Self {
         let nodes = || (0..records.len()).into_par_iter().with_min_len(1 << 12);
         let column = |coordinate: usize| {
             let mut column = pages::with_capacity(records.len() + PADDING);
             column.par_extend(nodes().map(|node| records[place(node)].coordinates[coordinate]));
             column.extend([f32::NAN; PADDING]);
-            column
+            Frozen::from(column)
         };
+        let center = [column(0), column(1), column(2)];
+        let mut axes = vec![0; records.len() / 8];
+        for (place, heap) in heaps.iter().enumerate() {
+            let axes = &mut axes[heap.first as usize / 8..];
+            let depth = upper_levels(count(heaps, place, records.len()));
+            note_axes(axes, &center, heap, (0, heap.centers), (0, depth), options);
+        }
+        let ids: Vec<u32> = nodes().map(|node| records[place(node)].id).collect();
         Self {
-            center: [column(0), column(1), column(2)],
-            radii: if N > 3 { column(N - 1) } else { Vec::new() },
+            center,
+            radii: if N > 3 { column(N - 1) } else { Frozen::default() },
             uniform,
             radius_scale: 1.0,
             shown: None,
-            ids: nodes().map(|node| records[place(node)].id).collect(),
-            axes: vec![0; records.len() / 8],
+            ids: ids.into(),
+            axes: axes.into(),
         }
-    }
-
-    /// Notes which axes the nodes of a heap of `count` particles split.
-    pub(super) fn note_axes(&mut self, heap: &Heap, count: usize, options: Options) {
-        let depth = upper_levels(count);
-        let axes = &mut self.axes[heap.first as usize / 8..];
-        note_axes(axes, &self.center, heap, (0, heap.centers), (0, depth), options);
     }
 
     /// Center and radius of the particle at `node`.
@@ -186,6 +194,12 @@ impl Columns {
     }
 }
 
+/// How many particles a heap has; the last one ends at `end`.
+#[inline(always)]
+pub(super) fn count(heaps: &[Heap], heap: usize, end: usize) -> usize {
+    heaps.get(heap + 1).map_or(end, |next| next.first as usize) - heaps[heap].first as usize
+}
+
 /// The levels of a heap of `count` particles above those that are tried at once.
 #[inline(always)]
 fn upper_levels(count: usize) -> u32 {
@@ -195,7 +209,7 @@ fn upper_levels(count: usize) -> u32 {
 /// Notes the axes of the subtree at `node`, to whose centers the cuts above leave a box, down to `depth.1`.
 fn note_axes(
     axes: &mut [u8],
-    center: &[Vec<f32>; 3],
+    center: &[Frozen<f32>; 3],
     heap: &Heap,
     (node, centers): (usize, Bounds),
     (depth, end): (u32, u32),

@@ -25,9 +25,8 @@ impl Columns {
         let mut any = own.clone();
         for (place, heap) in heaps.iter().enumerate() {
             let first = heap.first as usize;
-            let end = heaps.get(place + 1).map_or(count, |next| next.first as usize);
             // Children come after their parents.
-            for node in (1..end - first).rev() {
+            for node in (1..super::count(heaps, place, count)).rev() {
                 let parent = first + (node - 1) / 2;
                 any[parent / RUN] |= u16::from(shows(&any, first + node)) << (parent % RUN);
             }

@@ -44,20 +44,15 @@ impl Treelets {
                 Inside::Treelet(_) => nodes.add(vec![part]),
             };
         }
-        let mut treelets = Self {
-            columns: Columns::gather(&records, radius, |node| node),
-            heaps: nodes.heaps,
-            nodes: nodes.nodes,
-            children: nodes.children,
+        Ok(Self {
+            columns: Columns::gather(&records, radius, |node| node, &nodes.heaps, options.heap),
+            heaps: nodes.heaps.into(),
+            nodes: nodes.nodes.into(),
+            children: nodes.children.into(),
             bounds,
             slack: box_slack(&bounds),
-            order: options.heap.order,
-        };
-        for place in 0..treelets.heaps.len() {
-            let (&heap, count) = treelets.heap(place);
-            treelets.columns.note_axes(&heap, count, options.heap);
-        }
-        Ok(treelets)
+            options,
+        })
     }
 }
 
@@ -209,6 +204,7 @@ impl Nodes {
             places: [0; WIDTH],
             treelets: 0,
             existing: ((1u32 << parts.len()) - 1) as u8,
+            unused: [0; 2],
         });
         for (child, part) in parts.into_iter().enumerate() {
             self.children[node].places[child] = match part.inside {

@@ -7,7 +7,9 @@
 //! Geringer, Reina, Ertl 2020, Spatial Partitioning Strategies for Memory-Efficient Ray Tracing of Particles.
 
 mod build;
+mod saved;
 
+use bytemuck::{Pod, Zeroable};
 use fearless_simd::{Level, dispatch, f32x8, prelude::*};
 use fearless_simd_macros::simd;
 use glam::Vec3;
@@ -22,6 +24,7 @@ use super::search::{Observer, Search};
 use super::selection::Bits;
 use super::selection::Test;
 use super::{Hit, box_slack};
+use crate::frozen::Frozen;
 use crate::math::{Bounds, Ray};
 
 /// Where a run of particles is cut in two.
@@ -59,13 +62,15 @@ enum Child {
 }
 
 /// What the eight boxes of a node hold.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Pod, Zeroable)]
+#[repr(C)]
 struct Children {
     places: [u32; WIDTH],
     /// A bit for every child that is a treelet.
     treelets: u8,
     /// A bit for every child that there is.
     existing: u8,
+    unused: [u8; 2],
 }
 
 impl Children {
@@ -80,15 +85,15 @@ impl Children {
 pub struct Treelets {
     columns: Columns,
     /// One a treelet, in the order of their particles.
-    heaps: Vec<Heap>,
+    heaps: Frozen<Heap>,
     /// The root first; none without particles.
-    nodes: Vec<Node>,
+    nodes: Frozen<Node>,
     /// Of every node.
-    children: Vec<Children>,
+    children: Frozen<Children>,
     bounds: Bounds,
     /// By how much boxes are grown against the rounding of coordinates.
     slack: f32,
-    order: pkd::Order,
+    options: Options,
 }
 
 impl Treelets {
@@ -112,19 +117,21 @@ impl Treelets {
     pub(super) fn scaled(mut self, scale: f32) -> Self {
         self.columns.scale_radii(scale);
         if !self.nodes.is_empty() {
-            self.bounds = self.fit(0);
+            let mut nodes = self.nodes.to_vec();
+            self.bounds = self.fit(&mut nodes, 0);
+            self.nodes = nodes.into();
         }
         self.slack = box_slack(&self.bounds);
         self
     }
 
     /// Finds the boxes of the children of a node anew; its own box.
-    fn fit(&mut self, node: usize) -> Bounds {
+    fn fit(&self, nodes: &mut [Node], node: usize) -> Bounds {
         let children = self.children[node];
         let count = children.existing.count_ones() as usize;
         let boxes: Vec<Bounds> = (0..count)
             .map(|child| match children.child(child) {
-                Child::Node(place) => self.fit(place as usize),
+                Child::Node(place) => self.fit(nodes, place as usize),
                 Child::Treelet(place) => {
                     let (heap, count) = self.heap(place as usize);
                     let nodes = heap.first..heap.first + count as u32;
@@ -135,7 +142,7 @@ impl Treelets {
                 }
             })
             .collect();
-        self.nodes[node] = Node::encode(&boxes);
+        nodes[node] = Node::encode(&boxes);
         boxes.into_iter().fold(Bounds::EMPTY, Bounds::union)
     }
 
@@ -190,7 +197,7 @@ impl Treelets {
             count: children.existing.count_ones(),
             unused: [0; 3],
         };
-        let nodes: Vec<NodeRecord> = self.nodes.iter().zip(&self.children).map(record).collect();
+        let nodes: Vec<NodeRecord> = self.nodes.iter().zip(self.children.iter()).map(record).collect();
         // A node stands before its children.
         let mut depths = vec![1; nodes.len()];
         for (place, node) in nodes.iter().enumerate() {
@@ -205,8 +212,7 @@ impl Treelets {
     /// A treelet, and how many particles it has.
     #[inline(always)]
     fn heap(&self, treelet: usize) -> (&Heap, usize) {
-        let end = self.heaps.get(treelet + 1).map_or(self.ids().len(), |next| next.first as usize);
-        (&self.heaps[treelet], end - self.heaps[treelet].first as usize)
+        (&self.heaps[treelet], heap::count(&self.heaps, treelet, self.ids().len()))
     }
 }
 
@@ -237,7 +243,8 @@ fn walk<S: Simd, O: Observer>(simd: S, treelets: &Treelets, search: &mut Search<
             Child::Node(place) => place as usize,
             Child::Treelet(place) => {
                 let heap = treelets.heap(place as usize);
-                let (columns, slack, order) = (&treelets.columns, treelets.slack, treelets.order);
+                let (columns, slack, order) =
+                    (&treelets.columns, treelets.slack, treelets.options.heap.order);
                 if heap::walk(simd, columns, heap, slack, order, search, &mut regions) {
                     return;
                 }
