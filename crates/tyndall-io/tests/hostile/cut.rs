@@ -117,3 +117,17 @@ fn samples_that_are_cut_say_so() {
 fn real_files_that_are_cut_say_so() {
     check(&shared(3 << 20), &[]);
 }
+
+#[test]
+fn a_frame_with_another_value_and_a_word_about_it_are_noticed() {
+    let frame = |hash, warnings: &[&str]| Seen {
+        particles: 3,
+        hash,
+        warnings: warnings.iter().map(|it| it.to_string()).collect(),
+    };
+    let whole = [frame(1, &["known"]), frame(2, &[])];
+    assert!(same(&[frame(1, &[])], &whole) && is_silent(&[frame(1, &["known"])], &whole));
+    assert!(!same(&[frame(1, &[]), frame(3, &[])], &whole));
+    assert!(!same(&[Seen { particles: 2, ..frame(1, &[]) }], &whole));
+    assert!(!is_silent(&[frame(1, &["it is cut"])], &whole));
+}

@@ -131,6 +131,11 @@ impl Element {
     }
 }
 
+/// Whether an atom name is that of a site of charge without an atom, as models of water have them.
+fn is_site(name: &str) -> bool {
+    ["MW", "EP", "EPW", "LP"].contains(&leading_letters(name.trim()))
+}
+
 fn leading_letters(label: &str) -> &str {
     let end = label.find(|letter: char| !letter.is_ascii_alphabetic()).unwrap_or(label.len());
     &label[..end]
@@ -143,7 +148,7 @@ pub struct Elements {
     pub attribute: usize,
     /// The element of each of its values: of each code of a word, or each atomic number from 0.
     pub by_value: Vec<Option<Element>>,
-    /// The part of the particles whose element is known, 0 to 1.
+    /// The part of the particles whose element is known, or that are known to be no atoms, 0 to 1.
     pub known: f64,
 }
 
@@ -176,9 +181,12 @@ impl Elements {
             }
             _ => return None,
         };
-        let has_element =
-            |place: &usize| by_value.get(values.number(*place) as usize).is_some_and(Option::is_some);
-        let count = (0..values.len()).into_par_iter().with_min_len(1 << 14).filter(has_element).count();
+        let mut is_known: Vec<bool> = by_value.iter().map(Option::is_some).collect();
+        if let Values::Text { names, .. } = values {
+            is_known.iter_mut().zip(names).for_each(|(is_known, name)| *is_known |= is_site(name));
+        }
+        let counts = |place: &usize| is_known.get(values.number(*place) as usize) == Some(&true);
+        let count = (0..values.len()).into_par_iter().with_min_len(1 << 14).filter(counts).count();
         Some(Self { attribute, known: count as f64 / values.len().max(1) as f64, by_value })
     }
 }
@@ -267,6 +275,7 @@ mod tests {
         let found = |name: &str, words: &[&str]| Elements::find(&particles(name, words)).map(|it| it.known);
         assert_eq!(found("Species", &["Cu", "Zr", "unknown", "Cu"]), Some(0.75));
         assert_eq!(found("name", &["CA", "OW", "HW1"]), Some(1.0));
+        assert_eq!(found("name", &["OW", "HW1", "HW2", "MW"]), Some(1.0));
         assert_eq!(found("name", &["BB", "SC1", "W"]), None);
         assert_eq!(found("type", &["C", "Si"]), Some(1.0));
         assert_eq!(found("type", &["C", "big"]), None);
