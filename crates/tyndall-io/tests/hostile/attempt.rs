@@ -6,7 +6,7 @@
 use std::hash::{DefaultHasher, Hash, Hasher};
 use std::path::Path;
 
-use tyndall::particles::{Particles, Values};
+use tyndall::particles::{Particles, View};
 use tyndall::{Error, Result};
 use tyndall_io::{Frame, Options, Sequence, read};
 
@@ -84,13 +84,13 @@ fn seen(frame: Frame) -> Seen {
 fn attributes(particles: &Particles, hash: &mut DefaultHasher) {
     for attribute in particles.attributes() {
         (&attribute.name, attribute.components, &attribute.unit).hash(hash);
-        match &attribute.values {
-            Values::F32(values) => values.iter().for_each(|it| it.to_bits().hash(hash)),
-            Values::F64(values) => values.iter().for_each(|it| it.to_bits().hash(hash)),
-            Values::I32(values) => values.hash(hash),
-            Values::I64(values) => values.hash(hash),
-            Values::U8(values) => values.hash(hash),
-            Values::Text { codes, names } => (codes, names).hash(hash),
+        match attribute.values.view() {
+            View::F32(values) => values.iter().for_each(|it| it.to_bits().hash(hash)),
+            View::F64(values) => values.iter().for_each(|it| it.to_bits().hash(hash)),
+            View::I32(values) => values.hash(hash),
+            View::I64(values) => values.hash(hash),
+            View::U8(values) => values.hash(hash),
+            View::Text { codes, names } => (codes, names).hash(hash),
         }
     }
 }
