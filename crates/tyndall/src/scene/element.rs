@@ -182,7 +182,7 @@ impl Elements {
             _ => return None,
         };
         let mut is_known: Vec<bool> = by_value.iter().map(Option::is_some).collect();
-        if let Values::Text { names, .. } = values {
+        if let View::Text { names, .. } = values.view() {
             is_known.iter_mut().zip(names).for_each(|(is_known, name)| *is_known |= is_site(name));
         }
         let counts = |place: &usize| is_known.get(values.number(*place) as usize) == Some(&true);
