@@ -8,6 +8,8 @@ use std::collections::HashMap;
 
 use tyndall::Values;
 
+use super::decimal;
+
 /// What a column is before its first value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Kind {
@@ -73,15 +75,71 @@ fn closing_quote(inside: &[u8]) -> Option<usize> {
     }
 }
 
+/// What is left of a line, and the text behind it: fast readers look at many bytes at once.
+#[derive(Clone, Copy)]
+pub(crate) struct Rest<'a> {
+    /// What is left, and what follows.
+    text: &'a [u8],
+    /// How much of it belongs to the line.
+    length: usize,
+}
+
+impl<'a> Rest<'a> {
+    /// The line that ends at `end` of `text`, from `at` on.
+    #[inline(always)]
+    pub(crate) fn of(text: &'a [u8], at: usize, end: usize) -> Self {
+        Self { text: &text[at..], length: end - at }
+    }
+
+    /// What is left of the line.
+    #[inline(always)]
+    pub(crate) fn line(self) -> &'a [u8] {
+        &self.text[..self.length]
+    }
+
+    /// Whether a field that takes so many bytes ends there.
+    #[inline(always)]
+    fn ends(self, taken: usize, separator: Separator) -> bool {
+        taken == self.length || (taken < self.length && separator.ends(self.text[taken]))
+    }
+}
+
+impl<'a> From<&'a [u8]> for Rest<'a> {
+    fn from(line: &'a [u8]) -> Self {
+        Self { text: line, length: line.len() }
+    }
+}
+
 /// The number at the front of `rest` and how many bytes it takes; `None` if it is none. A missing value is NaN.
-#[inline]
-pub(crate) fn number(rest: &[u8], separator: Separator) -> Option<(f64, usize)> {
+#[inline(always)]
+pub(crate) fn number<'a>(rest: impl Into<Rest<'a>>, separator: Separator) -> Option<(f64, usize)> {
+    let rest = rest.into();
+    match decimal::double(rest.text) {
+        Some((value, taken)) if rest.ends(taken, separator) => Some((value, taken)),
+        _ => long_number(rest.line(), separator),
+    }
+}
+
+/// Numbers with many digits, and those at the end of the text.
+#[inline(never)]
+fn long_number(rest: &[u8], separator: Separator) -> Option<(f64, usize)> {
     if let Ok((value, taken)) = fast_float2::parse_partial::<f64, _>(rest)
         && rest.get(taken).is_none_or(|&byte| separator.ends(byte))
     {
         return Some((value, taken));
     }
     unusual_number(rest, separator)
+}
+
+/// The same in single precision.
+#[inline(never)]
+fn long_single(rest: &[u8], separator: Separator) -> Option<(f32, usize)> {
+    if let Ok((value, taken)) = fast_float2::parse_partial::<f32, _>(rest)
+        && rest.get(taken).is_none_or(|&byte| separator.ends(byte))
+    {
+        return Some((value, taken));
+    }
+    unusual_number(rest, separator).map(|(value, taken)| (value as f32, taken))
 }
 
 /// Numbers as Fortran, Windows and spreadsheets write them.
@@ -113,8 +171,18 @@ fn spell(byte: u8, separator: Separator) -> u8 {
 }
 
 /// The integer at the front of `rest` and how many bytes it takes; `None` if it is none or needs more than 64 bits.
-#[inline]
-fn integer(rest: &[u8], separator: Separator) -> Option<(i64, usize)> {
+#[inline(always)]
+fn integer<'a>(rest: impl Into<Rest<'a>>, separator: Separator) -> Option<(i64, usize)> {
+    let rest = rest.into();
+    match decimal::integer(rest.text) {
+        Some((value, taken)) if rest.ends(taken, separator) => Some((value, taken)),
+        _ => long_integer(rest.line(), separator),
+    }
+}
+
+/// Integers with many digits, and those at the end of the text.
+#[inline(never)]
+fn long_integer(rest: &[u8], separator: Separator) -> Option<(i64, usize)> {
     let signed = usize::from(matches!(rest.first(), Some(b'-' | b'+')));
     let digits = rest[signed..].iter().take_while(|it| it.is_ascii_digit()).count();
     let end = signed + digits;
@@ -152,18 +220,16 @@ impl Column {
     }
 
     /// Appends the field at the front of `rest`; says how many bytes it takes, `None` if it does not fit the column.
-    #[inline]
-    pub(crate) fn push(&mut self, rest: &[u8], separator: Separator) -> Option<usize> {
+    #[inline(always)]
+    pub(crate) fn push<'a>(&mut self, rest: impl Into<Rest<'a>>, separator: Separator) -> Option<usize> {
+        let rest = rest.into();
         match self {
             Self::Float(column) => {
-                if let Ok((value, taken)) = fast_float2::parse_partial::<f32, _>(rest)
-                    && rest.get(taken).is_none_or(|&byte| separator.ends(byte))
-                {
-                    column.push(value);
-                    return Some(taken);
-                }
-                let (value, taken) = unusual_number(rest, separator)?;
-                column.push(value as f32);
+                let (value, taken) = match decimal::single(rest.text) {
+                    Some((value, taken)) if rest.ends(taken, separator) => (value, taken),
+                    _ => long_single(rest.line(), separator)?,
+                };
+                column.push(value);
                 return Some(taken);
             }
             Self::Int(column) => {
@@ -186,17 +252,17 @@ impl Column {
                 return Some(taken);
             }
             Self::Truth(column) => {
-                let (token, taken) = separator.token(rest);
+                let (token, taken) = separator.token(rest.line());
                 column.push(truth(token)?);
                 return Some(taken);
             }
             Self::Text(words) => {
-                let (token, taken) = separator.token(rest);
+                let (token, taken) = separator.token(rest.line());
                 words.push(token);
                 return Some(taken);
             }
         }
-        self.widen(rest, separator)
+        self.widen(rest.line(), separator)
     }
 
     /// Makes room for the number at the front of `rest`, which is no 32-bit (or no) integer, and appends it.

@@ -2,15 +2,15 @@
 
 use std::path::Path;
 
-use memmap2::Mmap;
 use tyndall::Result;
 
+use super::map::Map;
 use super::{Packing, map, unpack, unpacked};
 
 /// The content of a file.
 pub(crate) enum Content {
     /// As it is on disk.
-    Mapped(Mmap),
+    Mapped(Map),
     /// Unpacked.
     Unpacked(Vec<u8>),
 }

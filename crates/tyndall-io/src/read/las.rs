@@ -9,6 +9,7 @@ use std::path::Path;
 
 use glam::DVec3;
 use laz::{LasZipDecompressor, LazVlr};
+use rayon::prelude::*;
 use tyndall::{Error, Progress, Result};
 
 use super::cursor::Cursor;
@@ -242,24 +243,30 @@ pub(crate) fn read(path: &Path, bytes: &[u8], progress: &dyn Progress) -> Result
         (0..head[0].len()).map(|id| DVec3::new(head[0][id], head[1][id], head[2][id])).collect();
     let columns = quantities.iter().map(|(name, place)| (name.to_string(), 1, place.kind()));
     let mut builder = Builder::new(count, &head, columns);
-    let mut start = 0;
-    for (mut slots, &rows_here) in builder.split(&rows).into_iter().zip(&rows) {
+    let fill_batch = |start: usize, mut slots: Vec<records::Slot>, records: &[u8]| {
         if progress.cancelled() {
             return Err(Error::Interrupted);
         }
-        let records = if unpacked.is_empty() {
-            &bytes[header.start + start * record..][..rows_here * record]
-        } else {
-            if start > 0 {
-                unpack(&mut unpacked[..rows_here * record])?;
-            }
-            &unpacked[..rows_here * record]
-        };
         let axes = [0, 1, 2].map(|axis| coordinates(records, &header, axis));
         fill(&mut slots, &axes, records, record, &quantities);
         let share = |rows: usize| rows as u128 * bytes.len() as u128 / count as u128;
-        progress.advance((share(start + rows_here) - share(start)) as u64);
-        start += rows_here;
+        progress.advance((share(start + records.len() / record) - share(start)) as u64);
+        Ok(())
+    };
+    let batches = builder.split(&rows).into_iter().zip(&rows).enumerate();
+    if unpacked.is_empty() {
+        let batches: Vec<_> = batches.collect();
+        batches.into_par_iter().try_for_each(|(batch, (slots, &rows))| {
+            let start = batch * BATCH;
+            fill_batch(start, slots, &bytes[header.start + start * record..][..rows * record])
+        })?;
+    } else {
+        for (batch, (slots, &rows)) in batches {
+            if batch > 0 {
+                unpack(&mut unpacked[..rows * record])?;
+            }
+            fill_batch(batch * BATCH, slots, &unpacked[..rows * record])?;
+        }
     }
     let columns = builder.into_columns();
 
