@@ -81,7 +81,7 @@ pub(crate) fn run_scene(path: &Path, report: &Report) -> Outcome<()> {
 pub(crate) fn run(args: &Render, report: &Report) -> Outcome<()> {
     let job = Job { args, report };
     let pattern = job.start()?;
-    let sequence = input::open(&args.input, report)?;
+    let sequence = input::open(&args.input, None, report)?;
     let pictures = plan::pictures(args, &pattern, sequence.len(), report)?;
     if args.method.dry_run {
         let frame = input::read(&sequence, pictures[0].frame, &args.input, report)?;

@@ -8,7 +8,7 @@ use std::collections::HashMap;
 
 use tyndall::Values;
 
-use super::decimal;
+use super::decimal::{self, Found};
 
 /// What a column is before its first value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -97,10 +97,21 @@ impl<'a> Rest<'a> {
         &self.text[..self.length]
     }
 
-    /// Whether a field that takes so many bytes ends there.
+    /// The number at the front and how many bytes it takes: what was found, if it is a whole field, else what `slow` finds.
     #[inline(always)]
-    fn ends(self, taken: usize, separator: Separator) -> bool {
-        taken == self.length || (taken < self.length && separator.ends(self.text[taken]))
+    fn number<T>(
+        self,
+        separator: Separator,
+        found: Option<Found<T>>,
+        slow: impl FnOnce(&[u8], Separator) -> Option<(T, usize)>,
+    ) -> Option<(T, usize)> {
+        match found {
+            // A field ends at a blank, and so does a line: no byte below a blank belongs to a number.
+            Some(Found { value, taken, next }) if next <= b' ' || Some(next) == separator.byte => {
+                Some((value, taken))
+            }
+            _ => slow(self.line(), separator),
+        }
     }
 }
 
@@ -114,10 +125,7 @@ impl<'a> From<&'a [u8]> for Rest<'a> {
 #[inline(always)]
 pub(crate) fn number<'a>(rest: impl Into<Rest<'a>>, separator: Separator) -> Option<(f64, usize)> {
     let rest = rest.into();
-    match decimal::double(rest.text) {
-        Some((value, taken)) if rest.ends(taken, separator) => Some((value, taken)),
-        _ => long_number(rest.line(), separator),
-    }
+    rest.number(separator, decimal::double(rest.text), long_number)
 }
 
 /// Numbers with many digits, and those at the end of the text.
@@ -174,10 +182,7 @@ fn spell(byte: u8, separator: Separator) -> u8 {
 #[inline(always)]
 fn integer<'a>(rest: impl Into<Rest<'a>>, separator: Separator) -> Option<(i64, usize)> {
     let rest = rest.into();
-    match decimal::integer(rest.text) {
-        Some((value, taken)) if rest.ends(taken, separator) => Some((value, taken)),
-        _ => long_integer(rest.line(), separator),
-    }
+    rest.number(separator, decimal::integer(rest.text), long_integer)
 }
 
 /// Integers with many digits, and those at the end of the text.
@@ -225,10 +230,7 @@ impl Column {
         let rest = rest.into();
         match self {
             Self::Float(column) => {
-                let (value, taken) = match decimal::single(rest.text) {
-                    Some((value, taken)) if rest.ends(taken, separator) => (value, taken),
-                    _ => long_single(rest.line(), separator)?,
-                };
+                let (value, taken) = rest.number(separator, decimal::single(rest.text), long_single)?;
                 column.push(value);
                 return Some(taken);
             }
@@ -361,6 +363,18 @@ pub(crate) struct Words {
     codes: Vec<u32>,
     names: Vec<String>,
     known: HashMap<Vec<u8>, u32>,
+    /// The first words as numbers: see [`number_of_word`].
+    first: Vec<Option<u64>>,
+}
+
+/// So many words are looked up without a hash. Elements and types are fewer.
+const FIRST_WORDS: usize = 16;
+
+/// A word of up to seven bytes as a number that no other word has.
+#[inline(always)]
+fn number_of_word(word: &[u8]) -> Option<u64> {
+    (word.len() < 8)
+        .then(|| word.iter().fold(word.len() as u64, |number, &byte| number << 8 | u64::from(byte)))
 }
 
 impl Words {
@@ -374,7 +388,11 @@ impl Words {
     pub(crate) fn push(&mut self, token: &[u8]) {
         // Neighbors are often alike: look at the last word first.
         let last = self.codes.last().copied().filter(|&code| self.names[code as usize].as_bytes() == token);
-        let code = last.unwrap_or_else(|| self.code(token));
+        let code = last.unwrap_or_else(|| {
+            let number = number_of_word(token);
+            let place = self.first.iter().position(|it| number.is_some() && *it == number);
+            place.map_or_else(|| self.code(token), |place| place as u32)
+        });
         self.codes.push(code);
     }
 
@@ -385,6 +403,9 @@ impl Words {
         let code = self.names.len() as u32;
         self.names.push(String::from_utf8_lossy(token).replace("\"\"", "\""));
         self.known.insert(token.to_vec(), code);
+        if self.first.len() < FIRST_WORDS {
+            self.first.push(number_of_word(token));
+        }
         code
     }
 
@@ -445,6 +466,17 @@ mod tests {
         assert!(value(",2", COMMA).unwrap().0.is_nan());
         assert_eq!(value("abc", COMMA), None);
         assert_eq!(value("1.2.3", Separator::BLANKS), None);
+    }
+
+    #[test]
+    fn many_and_long_words_keep_their_codes() {
+        let words: Vec<String> = (0..60).map(|k| ["a".repeat(k % 20), k.to_string()].concat()).collect();
+        let mut column = Column::new(Kind::Text, 0);
+        for word in words.iter().chain(words.iter().rev()) {
+            column.push(word.as_bytes(), Separator::BLANKS).unwrap();
+        }
+        let codes = (0..60).chain((0..60).rev()).collect();
+        assert_eq!(column.into_values(), Values::Text { codes, names: words });
     }
 
     #[test]

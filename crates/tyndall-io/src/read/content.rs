@@ -24,6 +24,16 @@ impl AsRef<[u8]> for Content {
     }
 }
 
+impl Content {
+    /// The map, if it is one.
+    pub(crate) fn map(&self) -> Option<&Map> {
+        match self {
+            Self::Mapped(map) => Some(map),
+            Self::Unpacked(_) => None,
+        }
+    }
+}
+
 /// The content of a file, which may be compressed.
 pub(crate) fn content(path: &Path) -> Result<Content> {
     let mapped = map(path)?;

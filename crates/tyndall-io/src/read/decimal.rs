@@ -25,9 +25,19 @@ const SCALES: [u64; 16] = {
     scales
 };
 
-/// An integer of at most fifteen digits, and how many bytes it takes with its sign. What follows is not looked at.
+/// A number that was found.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Found<T> {
+    pub(super) value: T,
+    /// How many bytes it takes.
+    pub(super) taken: usize,
+    /// The byte behind it: whether a number may end there is not looked at.
+    pub(super) next: u8,
+}
+
+/// An integer of at most fifteen digits.
 #[inline(always)]
-pub(super) fn integer(text: &[u8]) -> Option<(i64, usize)> {
+pub(super) fn integer(text: &[u8]) -> Option<Found<i64>> {
     let window = text.first_chunk::<WINDOW>()?;
     let (is_negative, signed) = sign(window);
     let word = Word::at(window, signed)?;
@@ -45,12 +55,13 @@ pub(super) fn integer(text: &[u8]) -> Option<(i64, usize)> {
     if taken == signed {
         return None;
     }
-    Some((if is_negative { -(value as i64) } else { value as i64 }, taken))
+    let value = if is_negative { -(value as i64) } else { value as i64 };
+    Some(Found { value, taken, next: *window.get(taken)? })
 }
 
-/// A number, and how many bytes it takes. What follows is not looked at.
+/// A number.
 #[inline(always)]
-pub(super) fn double(text: &[u8]) -> Option<(f64, usize)> {
+pub(super) fn double(text: &[u8]) -> Option<Found<f64>> {
     let window = text.first_chunk::<WINDOW>()?;
     let (is_negative, signed) = sign(window);
     let word = Word::at(window, signed)?;
@@ -84,36 +95,59 @@ pub(super) fn double(text: &[u8]) -> Option<(f64, usize)> {
     }
     // Signed: that is one instruction, and fifteen digits fit.
     let size = size as i64 as f64;
-    let (number, taken) = match window.get(taken) {
-        Some(b'e' | b'E') => {
-            let (exponent, bytes) = exponent(&text[taken + 1..])?;
-            let number = match exponent - decimals as i32 {
-                power @ -22..0 => size / POWERS[-power as usize],
-                power @ 0..=22 => size * POWERS[power as usize],
-                _ => return None,
-            };
-            (number, taken + 1 + bytes)
-        }
-        _ => (size / POWERS[decimals], taken),
+    let next = *window.get(taken)?;
+    if next | 0x20 == b'e' {
+        return with_exponent(text, is_negative, size, decimals, taken);
+    }
+    let value = size / POWERS[decimals];
+    Some(Found { value: if is_negative { -value } else { value }, taken, next })
+}
+
+/// The number whose exponent begins at byte `place`.
+#[inline(never)]
+fn with_exponent(
+    text: &[u8],
+    is_negative: bool,
+    size: f64,
+    decimals: usize,
+    place: usize,
+) -> Option<Found<f64>> {
+    let exponent = text.get(place + 1..)?;
+    let (is_small, signed) = match exponent.first() {
+        Some(b'-') => (true, 1),
+        Some(b'+') => (false, 1),
+        _ => (false, 0),
     };
-    Some((if is_negative { -number } else { number }, taken))
+    let digits = exponent[signed..].iter().take_while(|it| it.is_ascii_digit()).take(4).count();
+    if !(1..=3).contains(&digits) {
+        return None;
+    }
+    let digits = &exponent[signed..signed + digits];
+    let taken = place + 1 + signed + digits.len();
+    let exponent = digits.iter().fold(0, |value, digit| 10 * value + i32::from(digit - b'0'));
+    let value = match if is_small { -exponent } else { exponent } - decimals as i32 {
+        power @ -22..0 => size / POWERS[-power as usize],
+        power @ 0..=22 => size * POWERS[power as usize],
+        _ => return None,
+    };
+    Some(Found { value: if is_negative { -value } else { value }, taken, next: *text.get(taken)? })
 }
 
-/// The same in single precision, rounded once.
+/// A number in single precision, rounded once.
 #[inline(always)]
-pub(super) fn single(text: &[u8]) -> Option<(f32, usize)> {
-    let (number, taken) = double(text)?;
-    // Rounding twice errs only where the first rounding ends halfway between two single numbers.
-    let is_halfway = number.to_bits() & 0x1fff_ffff == 0x1000_0000;
-    let is_small = number.abs() < f64::from(f32::MIN_POSITIVE) && number != 0.0;
-    if is_halfway || is_small { None } else { Some((number as f32, taken)) }
+pub(super) fn single(text: &[u8]) -> Option<Found<f32>> {
+    let Found { value, taken, next } = double(text)?;
+    // Rounding twice errs only where the first rounding ends halfway between two single numbers; none is as small as those with
+    // fewer digits.
+    let is_halfway = value.to_bits() & 0x1fff_ffff == 0x1000_0000;
+    if is_halfway { None } else { Some(Found { value: value as f32, taken, next }) }
 }
 
-/// Whether a sign says that the number is negative, and how many bytes the sign takes.
+/// Whether a minus stands in front, and how many bytes it takes.
 #[inline(always)]
-fn sign(text: &[u8]) -> (bool, usize) {
-    let first = text.first().copied();
-    (first == Some(b'-'), usize::from(first == Some(b'-') || first == Some(b'+')))
+fn sign(window: &[u8; WINDOW]) -> (bool, usize) {
+    let is_negative = window[0] == b'-';
+    (is_negative, usize::from(is_negative))
 }
 
 /// Eight bytes of text, the first one lowest.
@@ -164,18 +198,6 @@ const fn each(value: u8) -> u64 {
     u64::from_ne_bytes([value; 8])
 }
 
-/// An exponent of at most three digits, and how many bytes it takes with its sign.
-#[inline(never)]
-fn exponent(text: &[u8]) -> Option<(i32, usize)> {
-    let (is_negative, signed) = sign(text);
-    let digits = text[signed..].iter().take_while(|it| it.is_ascii_digit()).take(4).count();
-    if !(1..=3).contains(&digits) {
-        return None;
-    }
-    let value = text[signed..signed + digits].iter().fold(0, |value, digit| 10 * value + i32::from(digit - b'0'));
-    Some((if is_negative { -value } else { value }, signed + digits))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -184,12 +206,13 @@ mod tests {
     fn check(text: &str) -> usize {
         let behind = format!("{text} 12345678901234567890123456789012");
         let mut found = 0;
-        if let Some((value, taken)) = double(behind.as_bytes()) {
+        if let Some(Found { value, taken, next }) = double(behind.as_bytes()) {
+            assert_eq!(next, b' ');
             assert_eq!(taken, text.len(), "{text}");
             assert_eq!(value.to_bits(), text.parse::<f64>().unwrap().to_bits(), "{text}");
             found += 1;
         }
-        if let Some((value, taken)) = single(behind.as_bytes()) {
+        if let Some(Found { value, taken, .. }) = single(behind.as_bytes()) {
             assert_eq!(taken, text.len(), "{text}");
             assert_eq!(value.to_bits(), text.parse::<f32>().unwrap().to_bits(), "{text}");
             found += 1;
@@ -197,7 +220,7 @@ mod tests {
         if let Ok(wanted) = text.parse::<i64>()
             && let Some(read) = integer(behind.as_bytes())
         {
-            assert_eq!(read, (wanted, text.len()), "{text}");
+            assert_eq!((read.value, read.taken, read.next), (wanted, text.len(), b' '), "{text}");
             found += 1;
         }
         found
@@ -230,12 +253,14 @@ mod tests {
                 all += 1;
             }
         }
-        assert!(found > all / 2, "{found} of {all} were read");
+        assert!(found > all / 3, "{found} of {all} were read");
     }
 
     #[test]
     fn everyday_numbers_are_read_here() {
-        for text in ["0", "-0.0", "1.", ".5", "-12.345678", "1.23e-05", "4.5E+2", "00012", "0.000244140625"] {
+        for text in
+            ["0", "-0.0", "1.", ".5", "-12.345678", "1.23e-05", "4.5E+2", "1e-22", "00012", "0.000244140625"]
+        {
             assert!(check(text) >= 2, "{text}");
         }
         assert_eq!(check("999999999999999"), 1);
@@ -252,12 +277,30 @@ mod tests {
 
     #[test]
     fn what_is_no_everyday_number_is_left_to_others() {
-        for text in ["", "-", "+", ".", "-.", "x", "nan", "inf", "e5", ".e5", "1e", "1e+", "1e400", "1234567890123456"] {
+        for text in [
+            "",
+            "-",
+            "+",
+            ".",
+            "-.",
+            "x",
+            "nan",
+            "inf",
+            "e5",
+            ".e5",
+            "1e",
+            "1e+",
+            "1e400",
+            "1234567890123456",
+        ] {
             let behind = format!("{text} 12345678901234567890123456789012");
             assert_eq!(double(behind.as_bytes()), None, "{text}");
         }
         assert!(double(b"1.5").is_none() && integer(b"15").is_none(), "the last bytes of the text");
-        assert_eq!(double(b"1.2.3 12345678901234567890123456789012").map(|it| it.1), Some(3));
+        assert_eq!(
+            double(b"1.2.3 12345678901234567890123456789012").map(|it| (it.taken, it.next)),
+            Some((3, b'.'))
+        );
         assert!(integer(b"x 12345678901234567890123456789012").is_none());
     }
 }

@@ -293,7 +293,9 @@ fn coordinates(records: &[u8], header: &Header, axis: usize) -> Vec<f64> {
     let source =
         Source { bytes: records, kind: Kind::I32, order: Order::Little, start: 4 * axis, stride, step: 0 };
     let (scale, offset) = (header.scale[axis], header.offset[axis]);
-    (0..records.len() / stride).map(|id| source.number(id) * scale + offset).collect()
+    let mut values = vec![0.0; records.len() / stride];
+    source.convert_all(&mut values, 0, 1, |number| number * scale + offset);
+    values
 }
 
 /// Numbers in this machine's order of bytes.
@@ -328,7 +330,8 @@ fn fill(
             }
             Place::Angle(start) => {
                 let source = Source { bytes, kind: Kind::I16, order: Order::Little, start, stride, step: 0 };
-                let values: Vec<f32> = (0..count).map(|id| (0.006 * source.number(id)) as f32).collect();
+                let mut values = vec![0.0; count];
+                source.convert_all(&mut values, 0, 1, |number| (0.006 * number) as f32);
                 slot.fill(&native(bytemuck::cast_slice(&values), Kind::F32), 0, 1, 0..count);
             }
         }

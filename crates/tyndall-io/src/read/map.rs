@@ -43,7 +43,7 @@ impl Deref for Map {
 impl Map {
     /// Tells `progress` what it is told, and gives back the map's pages whenever some more of it was read.
     pub(crate) fn released<'a>(&'a self, progress: &'a dyn Progress) -> Released<'a> {
-        Released { map: self, progress, bytes: AtomicU64::new(0) }
+        released([self], progress)
     }
 
     /// Gives back the pages that are in memory. What is looked at again comes from the system's cache.
@@ -54,9 +54,17 @@ impl Map {
     }
 }
 
-/// A progress under which the pages of a map are given back.
+/// The same for several maps that are read together.
+pub(crate) fn released<'a>(
+    maps: impl IntoIterator<Item = &'a Map>,
+    progress: &'a dyn Progress,
+) -> Released<'a> {
+    Released { maps: maps.into_iter().collect(), progress, bytes: AtomicU64::new(0) }
+}
+
+/// A progress under which the pages of maps are given back.
 pub(crate) struct Released<'a> {
-    map: &'a Map,
+    maps: Vec<&'a Map>,
     progress: &'a dyn Progress,
     bytes: AtomicU64,
 }
@@ -70,7 +78,7 @@ impl Progress for Released<'_> {
         self.progress.advance(amount);
         let before = self.bytes.fetch_add(amount, Ordering::Relaxed);
         if before / RELEASE_BYTES != (before + amount) / RELEASE_BYTES {
-            self.map.release();
+            self.maps.iter().for_each(|map| map.release());
         }
     }
 

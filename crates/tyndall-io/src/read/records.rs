@@ -91,7 +91,13 @@ impl Source<'_> {
     }
 
     /// Fills `out` with particles `first..` as f64, converted.
-    fn convert_all<O>(&self, out: &mut [O], first: usize, components: usize, convert: impl Fn(f64) -> O) {
+    pub(super) fn convert_all<O>(
+        &self,
+        out: &mut [O],
+        first: usize,
+        components: usize,
+        convert: impl Fn(f64) -> O,
+    ) {
         match self.kind {
             Kind::I8 => self.fill(out, first, components, |value: i8| convert(value.into())),
             Kind::U8 => self.fill(out, first, components, |value: u8| convert(value.into())),

@@ -286,11 +286,7 @@ impl Part {
     }
 
     #[inline(always)]
-    fn read_between(
-        slice: &[u8],
-        layout: &Layout,
-        separator: Separator,
-    ) -> std::result::Result<Self, Stop> {
+    fn read_between(slice: &[u8], layout: &Layout, separator: Separator) -> std::result::Result<Self, Stop> {
         // Most fields have eight bytes or more; a guess that is too small costs a move.
         let guess = slice.len() / (8 * layout.roles.len()) + 1;
         let new_column = |it: &Heading| Column::new(it.kind, guess * it.components);
@@ -329,6 +325,8 @@ impl Part {
     #[inline(always)]
     fn row(&mut self, line: Line, layout: &Layout) -> std::result::Result<(), String> {
         let Line { text, start, end, separator } = line;
+        // The compiler then knows it below.
+        assert!(start <= end && end <= text.len());
         let mut position = DVec3::ZERO;
         let mut at = start;
         let wrong_count = || wrong_count(&text[start..end], layout);

@@ -6,6 +6,7 @@ mod cosmology;
 mod effects;
 mod molecules;
 mod text;
+mod wanted;
 
 use std::io::Write;
 use std::path::{Path, PathBuf};

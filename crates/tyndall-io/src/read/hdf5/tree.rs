@@ -5,7 +5,7 @@
 
 use std::ops::Range;
 use std::path::{Path, PathBuf};
-use std::sync::OnceLock;
+use std::sync::{Arc, OnceLock};
 
 use hdf5_reader::error::Error as ReadError;
 use hdf5_reader::messages::datatype::Datatype;
@@ -16,7 +16,8 @@ use hdf5_reader::{
 use tyndall::{Error, Result};
 
 use super::filters;
-use crate::read::content;
+use crate::read::content::{self, Content};
+use crate::read::map::Map;
 use crate::read::numbers::{Kind, Order};
 use crate::read::records::Source;
 
@@ -31,6 +32,16 @@ pub(super) struct Tree {
     file: Hdf5File,
     path: PathBuf,
     bytes: u64,
+    content: Arc<Content>,
+}
+
+/// The content, for the library beside us.
+struct Shared(Arc<Content>);
+
+impl AsRef<[u8]> for Shared {
+    fn as_ref(&self) -> &[u8] {
+        (*self.0).as_ref()
+    }
 }
 
 impl Tree {
@@ -39,11 +50,17 @@ impl Tree {
         let folder = path.parent().filter(|it| !it.as_os_str().is_empty()).unwrap_or(Path::new("."));
         let options = OpenOptions::default()
             .with_filter_registry(filters::registry())
-            .with_external_link_resolver(std::sync::Arc::new(FilesystemExternalLinkResolver::new(folder)));
-        let file = Hdf5File::from_owner(content::kept(path, bytes), options);
+            .with_external_link_resolver(Arc::new(FilesystemExternalLinkResolver::new(folder)));
+        let content = Arc::new(content::kept(path, bytes));
+        let file = Hdf5File::from_owner(Shared(Arc::clone(&content)), options);
         let (path, bytes) = (path.to_path_buf(), bytes.len() as u64);
         let file = file.map_err(|error| fault(&path, "", &error))?;
-        Ok(Self { file, path, bytes })
+        Ok(Self { file, path, bytes, content })
+    }
+
+    /// Its map, if it is mapped.
+    pub(super) fn map(&self) -> Option<&Map> {
+        self.content.map()
     }
 
     pub(super) fn path(&self) -> &Path {
