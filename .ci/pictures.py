@@ -1,4 +1,5 @@
-"""Reads what Tyndall wrote with Pillow and OpenEXR: the same picture in every format, layers that mean what the manual says.
+"""Reads what Tyndall wrote with Pillow, OpenEXR and PyAV: the same picture in every format, layers that mean what the manual says, movies
+that show it.
 
 usage: pictures.py TYNDALL FOLDER
 """
@@ -6,16 +7,17 @@ usage: pictures.py TYNDALL FOLDER
 import subprocess
 import sys
 
+import av
 import numpy as np
 import OpenEXR
-from PIL import Image
+from PIL import Image, ImageSequence
 
 tyndall, folder = sys.argv[1:]
 
 
-def render(name, *options):
+def render(name, *options, background="none"):
     path = f"{folder}/{name}"
-    view = ["--size", "120x90", "--samples", "4", "--background", "none", "-q"]
+    view = ["--size", "120x90", "--samples", "4", "--background", background, "-q"]
     subprocess.run([tyndall, "render", "synthetic:packed?n=2000", "-o", path, *view, *options], check=True)
     return path
 
@@ -44,3 +46,28 @@ assert met.any() and not met.all() and place.max() < 2000
 assert (np.isfinite(depth) == met).all() and (depth[met] > 0).all()
 assert any("tyndall" in str(value).lower() for value in header.values()), header
 print(f"{met.sum()} of {met.size} pixels meet a particle; PNG and EXR agree to {worst * 255:.2f} steps of 255")
+
+turn = ["--orbit", "360", "--frame-count", "5"]
+render("s.%d.png", *turn, background="white")
+white = [np.asarray(Image.open(f"{folder}/s.{k}.png"), dtype=float) for k in range(5)]
+for encoder in ["built-in", "auto"]:
+    with av.open(render(f"{encoder}.mp4", *turn, "--encoder", encoder, "--fps", "10", background="white")) as movie:
+        stream = movie.streams.video[0]
+        assert (stream.codec_context.name, stream.codec_context.pix_fmt) == ("h264", "yuv420p")
+        frames = list(movie.decode(stream))
+    assert [round(float(frame.time), 3) for frame in frames] == [0.0, 0.1, 0.2, 0.3, 0.4]
+    # Players take colors by the tags that the file has.
+    assert frames[0].colorspace == 1 and frames[0].color_range == 1, (frames[0].colorspace, frames[0].color_range)
+    error = max(np.abs(frame.to_ndarray(format="rgb24") - still).mean() for frame, still in zip(frames, white))
+    assert error < 6, f"{encoder}: {error} of 255"
+    print(f"MP4, {encoder}: pictures differ by at most {error:.2f} of 255 in the mean")
+for name, limit in [("t.webp", 0), ("t.gif", 6)]:
+    with Image.open(render(name, *turn, "--fps", "10", background="white")) as movie:
+        assert movie.n_frames == 5 and movie.info["loop"] == 0, movie.info
+        frames, lasts = [], []
+        for frame in ImageSequence.Iterator(movie):
+            frames.append(np.asarray(frame.convert("RGB"), dtype=float))
+            lasts.append(frame.info["duration"])
+    assert lasts == [100] * 5, lasts
+    error = max(np.abs(frame - still).mean() for frame, still in zip(frames, white))
+    assert error <= limit, f"{name}: {error} of 255"

@@ -9,11 +9,13 @@ use tyndall::scene::coloring::{Coloring, Norm, Range};
 use tyndall::scene::colormap::Colormap;
 use tyndall::scene::select::{Clip, Filter};
 use tyndall::scene::viewpoint::Side;
+use tyndall_io::write::movie;
 
 use crate::bench_culling::CullingBench;
 use crate::culling::CullingArgs;
 use crate::device::Choice;
 use crate::medium::args::Medium;
+use crate::output::EncoderName;
 use crate::values::{Background, Degrees, Ortho, Size, Slice, count, length, point};
 
 /// Particle files to pictures: exact spheres, at any count.
@@ -154,7 +156,7 @@ pub(crate) struct Render {
 #[derive(Args)]
 #[command(next_help_heading = "Picture")]
 pub(crate) struct Picture {
-    /// The picture; its extension says which kind: .png .exr. Several have the number of their frame in the name: %04d, #### or $F4
+    /// The picture or movie; its extension says which kind: .png .exr, .mp4 .gif .webp. Several pictures have the number of their frame in the name: %04d, #### or $F4
     #[arg(short, long, value_name = "OUT")]
     pub(crate) output: PathBuf,
     /// Pixels across and down
@@ -180,6 +182,18 @@ pub(crate) struct Picture {
     pub(crate) alpha: bool,
 }
 
+impl Picture {
+    /// Width and height: those asked for, of a movie the nearest that it can have.
+    pub(crate) fn pixels(&self) -> [u32; 2] {
+        movie::size(&self.output, [self.size.width, self.size.height])
+    }
+
+    /// Whether something lies behind the particles everywhere.
+    pub(crate) fn is_opaque(&self) -> bool {
+        !self.alpha && self.background != Some(Background::Nothing)
+    }
+}
+
 /// Which frames.
 #[derive(Args)]
 #[command(next_help_heading = "Frames")]
@@ -187,9 +201,15 @@ pub(crate) struct Frames {
     /// One frame, counted from 0; -1 is the last
     #[arg(long, value_name = "N", allow_hyphen_values = true, conflicts_with = "frames")]
     pub(crate) frame: Option<i64>,
-    /// Frames START:STOP:STEP as in Python, STOP not included [default: all if OUT has a number, else the first]
+    /// Frames START:STOP:STEP as in Python, STOP not included [default: all if OUT is a movie or has a number, else the first]
     #[arg(long, value_name = "SLICE", allow_hyphen_values = true)]
     pub(crate) frames: Option<Slice>,
+    /// Pictures a second of a movie
+    #[arg(long, value_name = "RATE", default_value_t = 24.0, allow_hyphen_values = true)]
+    pub(crate) fps: f64,
+    /// What encodes an MP4: the program ffmpeg, or what is built in; auto takes ffmpeg where it is found
+    #[arg(long, value_name = "NAME", default_value = "auto")]
+    pub(crate) encoder: EncoderName,
     /// Turns the camera by so many degrees over the pictures
     #[arg(long, value_name = "DEGREES", allow_hyphen_values = true)]
     pub(crate) orbit: Option<Degrees>,

@@ -5,9 +5,11 @@
 //! own clock. `floors` says what bounds finding hits: bytes that the walk reads at least once a tile over the memory's rate, operations over
 //! the card's peak, and the steps that wait for each other in a tile over the tiles that are at work at one time. `builds` has the processor's
 //! structure beside the card's. Incoherent rays come from random points around the particles' box to random points in it; `structures` are
-//! asked them too, where there are few enough particles. More than 2^28 particles are packed in 8 bits and read in parts.
+//! asked them too, where there are few enough particles. More than 2^28 particles are packed in 8 bits and read in parts. Culling has a table of its
+//! own: see `culling`.
 
 mod builds;
+mod culling;
 mod structures;
 
 use std::time::{Duration, Instant};
@@ -142,6 +144,7 @@ struct Bench<'a> {
     builds: Table,
     floors: Table,
     structures: Table,
+    culling: Table,
     variants: Table,
     start: Instant,
 }
@@ -168,6 +171,7 @@ pub(crate) fn run(args: &args::Bench, report: &Report) -> Outcome<()> {
         builds: Table::new(&BUILDS),
         floors: Table::new(&FLOORS),
         structures: Table::new(&structures::HEADINGS),
+        culling: Table::new(&culling::HEADINGS),
         variants: Table::new(&VARIANTS),
         start: Instant::now(),
     };
@@ -176,7 +180,7 @@ pub(crate) fn run(args: &args::Bench, report: &Report) -> Outcome<()> {
         report.out(&format!("{:#}\n", bench.json()))?;
     } else {
         report.out(&bench.pictures.markdown())?;
-        for table in [&bench.structures, &bench.builds, &bench.floors, &bench.variants]
+        for table in [&bench.culling, &bench.structures, &bench.builds, &bench.floors, &bench.variants]
             .into_iter()
             .filter(|table| !table.is_empty())
         {
@@ -229,6 +233,7 @@ impl Bench<'_> {
             "pictures": self.pictures.json(),
             "structures": self.structures.json(),
             "builds": self.builds.json(),
+            "culling": self.culling.json(),
             "floors": self.floors.json(),
             "variants": self.variants.json(),
         })
@@ -253,6 +258,10 @@ impl Bench<'_> {
             for (samples, frames) in [(1, &one), (4, &four), (16, &sixteen)] {
                 let row = self.floors_of(set, name, &resident, &scene, camera, samples, frames)?;
                 row.into_iter().for_each(|row| self.floors.add(row));
+            }
+            for samples in culling::SAMPLES {
+                let row = self.culled(set, name, &resident, &scene, camera, samples)?;
+                self.culling.add(row);
             }
             let view =
                 camera.view(scene.structure().origin(), self.args.size.width, self.args.size.height)?;

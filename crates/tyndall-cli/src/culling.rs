@@ -4,10 +4,10 @@ use clap::builder::RangedU64ValueParser;
 use clap::{Args, ValueEnum};
 use tyndall::render::Culling;
 use tyndall::render::certified::{self, Counts};
-use tyndall::render::confidence::{Interpolation, Neighborhood, Options, Population};
+use tyndall::render::confidence::{Interpolation, Neighborhood, Options, Population, Report as Found};
 use tyndall::scene::grouped;
 
-use crate::report::Report;
+use crate::report::{Report, bytes};
 
 /// How hidden particles are left out.
 #[derive(Args)]
@@ -15,7 +15,7 @@ pub(crate) struct CullingArgs {
     /// How particles that others hide are left out
     #[arg(long, value_name = "HOW", default_value = "certified")]
     pub(crate) culling: CullingName,
-    /// Which proofs certified culling seeks
+    /// Which proofs certified culling seeks; a graphics card seeks visible-set alone
     #[arg(long, value_name = "PROOF,...", value_delimiter = ',', default_values_t = DEFAULT_PROOFS)]
     certified: Vec<Proof>,
     #[command(flatten)]
@@ -146,6 +146,20 @@ pub(crate) fn tell(culling: &Culling, counts: &Counts, report: &Report) {
             percent(counts.resumed_rays, counts.clipped_rays),
         ));
     }
+}
+
+/// Tells how far culling by confidence came.
+pub(crate) fn tell_confidence(found: &Found, report: &Report) {
+    let Found { depths, converged, voxels: [x, y, z], grid_bytes, pixel_bytes } = found;
+    let cut = depths.iter().filter(|depth| depth.is_finite()).count();
+    let percent = |share: f64| format!("{:.2} %", 100.0 * share);
+    report.detail(format_args!(
+        "confidence: {} of the pixels cut, {} final; a grid of {x}x{y}x{z} voxels in {}, pixels in {}",
+        percent(cut as f64 / depths.len().max(1) as f64),
+        percent(*converged),
+        bytes(*grid_bytes),
+        bytes(*pixel_bytes),
+    ));
 }
 
 /// Which particles a pixel's samples are drawn from.

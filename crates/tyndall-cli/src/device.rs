@@ -73,6 +73,9 @@ fn on_processor(scene: &Scene, camera: &Camera, settings: &Settings, report: &Re
     let mut renderer = Renderer::new(scene, camera, settings)?;
     renderer.finish(report.progress())?;
     culling::tell(&settings.culling, &renderer.counts(), report);
+    if let Some(found) = renderer.confidence().filter(|_| report.is_verbose()) {
+        culling::tell_confidence(&found, report);
+    }
     Ok(renderer.image())
 }
 
@@ -89,6 +92,7 @@ mod card {
 
     use super::{Choice, Work, check_builder, on_processor};
     use crate::args::Builder;
+    use crate::culling;
     use crate::report::{Outcome, Report, bytes};
 
     /// One line a device, as `--device` names it.
@@ -136,14 +140,9 @@ mod card {
             let is_lossy = matches!(work.culling, Culling::Confidence(_));
             let options = match choice {
                 Choice::Cpu => return Ok(Self::Processor),
-                // What is there to be compared with is so on the processor.
+                // What is there to be compared is compared on one kind of machine, wherever the command runs, unless a card is asked for.
                 Choice::Auto if is_lossy || !matches!(work.structure, Kind::Bvh(_)) => {
                     return Ok(Self::Processor);
-                }
-                Choice::Gpu(_) if is_lossy => {
-                    return Err(
-                        Error::setting("--culling", "confidence", "off or certified on a card").into()
-                    );
                 }
                 Choice::Auto => Options { hardware_only: true, ..Options::default() },
                 Choice::Gpu(name) => Options { name: name.clone(), ..Options::default() },
@@ -243,7 +242,17 @@ mod card {
         ) -> Result<Image> {
             match self {
                 Self::Processor => on_processor(scene, camera, settings, report),
-                Self::Card(resident) => gpu::render(resident, scene, camera, settings, report.progress()),
+                Self::Card(resident) => {
+                    let mut renderer = gpu::Renderer::new(resident, scene, camera, settings)?;
+                    renderer.complete(report.progress())?;
+                    if report.is_verbose() {
+                        culling::tell(&settings.culling, &renderer.counts()?, report);
+                        if let Some(found) = renderer.confidence()? {
+                            culling::tell_confidence(&found, report);
+                        }
+                    }
+                    renderer.image()
+                }
             }
         }
     }

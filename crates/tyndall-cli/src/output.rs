@@ -1,6 +1,108 @@
-//! Names of numbered pictures: `%04d`, `####` and `$F4` stand for a number.
+//! Where pictures go: each to a file of its own, whose name may have a number (`%04d`, `####`, `$F4`), or all to one movie.
 
 use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use clap::ValueEnum;
+use tyndall::{Error, Image};
+use tyndall_io::write::movie::{self, Encoder, Movie, MovieOptions};
+use tyndall_io::write::{self, ImageOptions};
+
+use crate::args;
+use crate::report::{Failure, Outcome, Report, counted, seconds};
+
+/// What encodes an MP4.
+#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum EncoderName {
+    /// ffmpeg where it is on the PATH and has libx264, else the one that is built in
+    Auto,
+    /// The program ffmpeg, with libx264
+    Ffmpeg,
+    /// The one that is built in
+    BuiltIn,
+}
+
+/// Where the pictures of a command go.
+pub(crate) struct Output<'a> {
+    args: &'a args::Render,
+    report: &'a Report,
+    movie: Option<Movie>,
+    written: usize,
+}
+
+impl<'a> Output<'a> {
+    /// Refuses before the work what could not be written.
+    pub(crate) fn new(args: &'a args::Render, report: &'a Report) -> Outcome<Self> {
+        let output = Self { args, report, movie: None, written: 0 };
+        let path = &args.picture.output;
+        if !movie::is_movie(path) {
+            write::check(&Pattern::new(path).name(0)).map_err(Failure::Output)?;
+            return Ok(output);
+        }
+        if Pattern::new(path).is_numbered() {
+            let allowed = "a movie is one file: leave the number out";
+            return Err(Error::setting("-o", path.display(), allowed).into());
+        }
+        let [width, height] = args.picture.pixels();
+        movie::check(path, [width, height], args.picture.is_opaque(), &output.options(&[]))
+            .map_err(Failure::Output)?;
+        let args::Picture { size, .. } = &args.picture;
+        if [size.width, size.height] != [width, height] {
+            report.note(format_args!("note: pictures of {width}x{height}, since an MP4's sides are even"));
+        }
+        Ok(output)
+    }
+
+    /// Writes a picture to `path`, or appends it to the movie there, and says how long it took to make.
+    pub(crate) fn write(
+        &mut self,
+        path: &Path,
+        image: &Image,
+        options: &ImageOptions,
+        took: impl FnOnce() -> Duration,
+    ) -> Outcome<()> {
+        if self.movie.is_none() && movie::is_movie(path) {
+            let begun = Movie::create(path, [image.width, image.height], &self.options(&options.metadata));
+            self.movie = Some(begun.map_err(Failure::Output)?);
+        }
+        let written = match &mut self.movie {
+            Some(movie) => movie.add(image),
+            None => write::image(path, image, options),
+        };
+        written.map_err(Failure::Output)?;
+        self.written += 1;
+        let number = self.movie.as_ref().map_or(String::new(), |_| format!("  picture {}", self.written));
+        self.report.note(format_args!("{}{number}  {}", path.display(), seconds(took().as_secs_f64())));
+        Ok(())
+    }
+
+    /// Ends the movie of the pictures that were made, also where some failed; one that was interrupted leaves nothing.
+    pub(crate) fn finish(self, done: Outcome<()>) -> Outcome<()> {
+        let Some(movie) = self.movie.filter(|_| matches!(done, Ok(()) | Err(Failure::Partial(_)))) else {
+            return done;
+        };
+        let encoder = movie.encoder();
+        movie.finish().map_err(Failure::Output)?;
+        let (path, fps) = (self.args.picture.output.display(), self.args.frames.fps);
+        let pictures = counted(self.written, "picture");
+        self.report.note(format_args!("{path}  {pictures}, {fps} a second, encoder {encoder}"));
+        done
+    }
+
+    /// A movie is not of one frame or time.
+    fn options(&self, metadata: &[(String, String)]) -> MovieOptions {
+        let of_movie = |(key, _): &&(String, String)| !matches!(key.as_str(), "Frame" | "Time");
+        MovieOptions {
+            frames_per_second: self.args.frames.fps,
+            encoder: match self.args.frames.encoder {
+                EncoderName::Auto => Encoder::Automatic,
+                EncoderName::Ffmpeg => Encoder::Ffmpeg,
+                EncoderName::BuiltIn => Encoder::BuiltIn,
+            },
+            metadata: metadata.iter().filter(of_movie).cloned().collect(),
+        }
+    }
+}
 
 /// A picture's name, with or without a place for a number.
 pub(crate) struct Pattern {

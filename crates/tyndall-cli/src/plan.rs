@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use tyndall::Error;
+use tyndall_io::write::movie;
 
 use crate::args;
 use crate::output::Pattern;
@@ -25,10 +26,11 @@ pub(crate) fn pictures(
     report: &Report,
 ) -> Outcome<Vec<Picture>> {
     let args::Frames { frame, frames, orbit, frame_count, .. } = &args.frames;
-    let chosen = chosen(*frame, frames.as_ref(), pattern.is_numbered(), count)?;
-    if frame.is_none() && frames.is_none() && !pattern.is_numbered() && count > 1 {
+    let takes_all = pattern.is_numbered() || movie::is_movie(&args.picture.output);
+    let chosen = chosen(*frame, frames.as_ref(), takes_all, count)?;
+    if frame.is_none() && frames.is_none() && !takes_all && count > 1 {
         report.note(format_args!(
-            "note: frame 0 of {count}; --frame N for another, -o NAME.%04d.png for all of them"
+            "note: frame 0 of {count}; --frame N for another, -o NAME.%04d.png or NAME.mp4 for all of them"
         ));
     }
 
@@ -43,12 +45,14 @@ pub(crate) fn pictures(
     let pictures = if around_one { frame_count.unwrap_or(1) as usize } else { chosen.len() };
     if orbit.is_some() && pictures == 1 {
         return Err(Failure::Usage(
-            "--orbit needs several pictures — give --frame-count N and -o NAME.%04d.png".into(),
+            "--orbit needs several pictures — give --frame-count N and -o NAME.%04d.png or NAME.mp4".into(),
         ));
     }
-    if pictures > 1 && !pattern.is_numbered() {
+    if pictures > 1 && !takes_all {
         let path = args.picture.output.display();
-        let allowed = format!("{pictures} pictures need a number in the name, such as NAME.%04d.png");
+        let allowed = format!(
+            "{pictures} pictures need a number in the name, such as NAME.%04d.png, or a movie: NAME.mp4"
+        );
         return Err(Error::setting("-o", path, allowed).into());
     }
     let angle = orbit.map_or(0.0, |Degrees(degrees)| degrees.to_radians());

@@ -19,12 +19,12 @@ use tyndall::scene::wanted::Wanted;
 use tyndall::scene::{Scene, short};
 use tyndall::structure::{Kind, Spheres, Structure};
 use tyndall::{Error, Source};
-use tyndall_io::write::{self, ImageOptions};
+use tyndall_io::write::ImageOptions;
 use tyndall_io::{Parts, Sequence};
 
 use crate::args::{self, LightLook, Mode};
 use crate::device::{self, Held, Renders};
-use crate::output::Pattern;
+use crate::output::{Output, Pattern};
 use crate::plan::{self, Picture};
 use crate::report::{Failure, Outcome, Report, counted, seconds};
 use crate::selection::Found;
@@ -41,7 +41,7 @@ pub(crate) fn run(args: &args::Render, report: &Report) -> Outcome<()> {
     }
     let job = Job::new(args, report)?;
     // What cannot work is refused before the reading.
-    write::check(&job.pattern.name(0)).map_err(Failure::Output)?;
+    let mut output = Output::new(args, report)?;
     let known = input::known_count(&args.input.files)?;
     job.check_memory(&Work::of_count(known, job.structure, job.settings), Reading::Parts)?;
     let wanted = Wanted {
@@ -54,9 +54,11 @@ pub(crate) fn run(args: &args::Render, report: &Report) -> Outcome<()> {
     if args.method.dry_run {
         return job.dry_run(&sequence, &pictures);
     }
-    plan::each_frame(&pictures, args.frames.skip_existing, report, |frame, wanted, kept, written| {
-        job.pictures_of_frame(&sequence, frame, wanted, kept, written)
-    })
+    let done =
+        plan::each_frame(&pictures, args.frames.skip_existing, report, |frame, wanted, kept, written| {
+            job.pictures_of_frame(&sequence, frame, wanted, kept, (&mut output, written))
+        });
+    output.finish(done)
 }
 
 /// Whether particles are read as a whole or can be read in parts.
@@ -88,13 +90,14 @@ struct Job<'a> {
 
 impl<'a> Job<'a> {
     fn new(args: &'a args::Render, report: &'a Report) -> Outcome<Self> {
-        let args::Picture { size, samples, seed, background, alpha, .. } = &args.picture;
+        let args::Picture { samples, seed, background, .. } = &args.picture;
+        let [width, height] = args.picture.pixels();
         let samples = samples.unwrap_or(Settings::default().samples);
         let culling = culling::culling(&args.method.culling);
         if let Culling::Confidence(options) = culling {
             options.check()?;
         }
-        let settings = Settings { width: size.width, height: size.height, samples, seed: *seed, culling };
+        let settings = Settings { width, height, samples, seed: *seed, culling };
         let structure = structure::kind(&args.method.structure)?;
         let background = match background.unwrap_or(Background::Color([1.0; 3])) {
             Background::Nothing => None,
@@ -110,7 +113,7 @@ impl<'a> Job<'a> {
             settings,
             structure,
             viewpoint: viewpoint(args)?,
-            background: if *alpha { None } else { background },
+            background: background.filter(|_| args.picture.is_opaque()),
             pattern: Pattern::new(&args.picture.output),
             renders: Renders::new(
                 &args.method.device,
@@ -185,7 +188,7 @@ impl<'a> Job<'a> {
         number: usize,
         pictures: &[&Picture],
         kept: &mut Option<Kept>,
-        written: &mut usize,
+        (output, written): (&mut Output, &mut usize),
     ) -> Outcome<()> {
         let start = Instant::now();
         let parts = self.parts(sequence, number);
@@ -283,11 +286,9 @@ impl<'a> Job<'a> {
                 metadata: metadata::entries(sequence, number, time, &self.settings, &guesses),
                 ..ImageOptions::default()
             };
-            write::image(&picture.path, &image, &options).map_err(Failure::Output)?;
-            *written += 1;
             let since = if place == 0 { start } else { rendering };
-            let path = picture.path.display();
-            self.report.note(format_args!("{path}  {}", seconds(since.elapsed().as_secs_f64())));
+            output.write(&picture.path, &image, &options, || since.elapsed())?;
+            *written += 1;
             if progress::stopped() {
                 return Err(Error::Interrupted.into());
             }
@@ -383,7 +384,8 @@ impl<'a> Job<'a> {
 /// What the command line says about the camera.
 pub(crate) fn viewpoint(args: &args::Render) -> Outcome<Viewpoint> {
     let camera = &args.camera;
-    let aspect = f64::from(args.picture.size.width) / f64::from(args.picture.size.height);
+    let [width, height] = args.picture.pixels().map(f64::from);
+    let aspect = width / height;
     let lens = match (camera.ortho, camera.fov, camera.horizontal_fov) {
         (Some(ortho), ..) => Lens::Orthographic { height: ortho.0 },
         (None, Some(Degrees(fov)), _) | (None, None, Some(Degrees(fov))) if !(fov > 0.0 && fov < 180.0) => {

@@ -106,6 +106,11 @@ impl Report {
         }
     }
 
+    /// Whether anybody is curious: then what takes time to find out is worth it.
+    pub(crate) fn is_verbose(&self) -> bool {
+        self.verbose
+    }
+
     /// What only the curious want to know.
     pub(crate) fn detail(&self, text: impl fmt::Display) {
         if self.verbose {

@@ -5,7 +5,6 @@
 //! maps the file anew; in a compressed file it goes on from where the last frame ended, or unpacks from the start again to
 //! go back, so that a long trajectory is never held as a whole.
 
-use std::fs::File;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -17,8 +16,9 @@ use crate::parts::Parts;
 use crate::read::{self, Feature, Feed, Format, Index, Open, Packing, Request, Span};
 use crate::topology::Topology;
 
-/// Unpacked content up to this size is kept.
+/// Unpacked content up to this size is kept, if it is not more than so many times that of the file.
 const SMALL_BYTES: u64 = 256 << 20;
+const SMALL_GROWTH: u64 = 64;
 
 /// What the caller knows better than the file.
 #[derive(Clone, Debug, Default)]
@@ -305,18 +305,24 @@ impl FileSource {
             }
             Open::Text { index, .. } => {
                 let (map, released);
+                let mut doubt = None;
                 let mut feed = match packing {
                     Packing::Plain => {
                         map = read::map(path)?;
                         released = map.released(progress);
+                        doubt = read::open_end(&map);
                         Feed::over(path, &map).told_to(&released)
                     }
-                    _ if keep => stream(path, packing)?.keeping(SMALL_BYTES).told_to(progress),
+                    _ if keep => {
+                        let most = SMALL_BYTES.min(SMALL_GROWTH * file_bytes(path));
+                        stream(path, packing)?.keeping(most).told_to(progress)
+                    }
                     _ => stream(path, packing)?.told_to(progress),
                 };
-                let index = index(&mut feed)?;
+                let mut index = index(&mut feed)?;
                 told = feed.told();
                 content = feed.into_kept().map(Arc::new);
+                index.doubt = index.doubt.or(doubt);
                 index
             }
         };
@@ -425,7 +431,7 @@ fn check_options(path: &Path, format: &Format, options: &Options) -> Result<()> 
 }
 
 fn stream(path: &Path, packing: Packing) -> Result<Feed<'static>> {
-    let file = File::open(path).map_err(|source| Error::io(path, source))?;
+    let file = read::open(path)?;
     Ok(Feed::from_stream(path, packing.stream(file)))
 }
 
@@ -437,7 +443,7 @@ fn check_whole(path: &Path, index: &Index, options: &Options) -> Result<Option<S
         return Err(Error::format(path, "", what, "was it written and copied to its end?"));
     }
     if !index.cut {
-        return Ok(None);
+        return Ok(index.doubt.as_ref().map(|doubt| format!("{}: {doubt}", file_name(path))));
     }
     let next = whole + 1;
     if options.strict {

@@ -62,13 +62,17 @@ pub enum Error {
 
 impl Error {
     /// A [`Error::Format`]: `what` is wrong at `place` of `path`, try `hint`.
+    ///
+    /// Words of a damaged file may be long and have control characters: these are replaced by U+FFFD, and more than 500
+    /// characters are shortened, so that the message stays one line that a terminal can show.
     pub fn format(
         path: impl Into<PathBuf>,
         place: impl Into<String>,
         what: impl Into<String>,
         hint: impl Into<String>,
     ) -> Self {
-        Self::Format { path: path.into(), place: place.into(), what: what.into(), hint: hint.into() }
+        let (place, what) = (printable(place.into()), printable(what.into()));
+        Self::Format { path: path.into(), place, what, hint: hint.into() }
     }
 
     /// A [`Error::Setting`]: `name` was given `value`, but `allowed`.
@@ -91,5 +95,30 @@ impl Error {
             Self::Io { .. } => "io",
             Self::Interrupted => "interrupted",
         }
+    }
+}
+
+/// The text on one line of at most 500 characters.
+fn printable(text: String) -> String {
+    const MOST: usize = 500;
+    let is_long = text.chars().nth(MOST).is_some();
+    if !is_long && !text.contains(char::is_control) {
+        return text;
+    }
+    let shown = text.chars().take(if is_long { MOST - 1 } else { MOST });
+    let shown = shown.map(|it| if it.is_control() { char::REPLACEMENT_CHARACTER } else { it });
+    shown.chain(is_long.then_some('…')).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn words_of_a_damaged_file_stay_on_one_line() {
+        let told = |what: &str| Error::format("a.csv", "line\n2", what, "mend it").to_string();
+        assert_eq!(told("found 'a\0\x1bé'"), "found 'a\u{fffd}\u{fffd}é' (a.csv: line\u{fffd}2) — mend it");
+        assert!(told(&"é".repeat(500)).starts_with(&"é".repeat(500)));
+        assert!(told(&"é".repeat(501)).starts_with(&format!("{}… (a.csv", "é".repeat(499))));
     }
 }

@@ -32,7 +32,7 @@ use tyndall_io::write;
 
 use self::args::{CacheName, KernelName, MethodName, SmoothingName};
 use crate::args::{Picture, Render, Selection};
-use crate::output::Pattern;
+use crate::output::{Output, Pattern};
 use crate::report::{Failure, Outcome, Report, counted, seconds};
 use crate::values::Background;
 use crate::{dry_run, input, metadata, plan, progress, render};
@@ -53,7 +53,9 @@ pub(crate) fn run_scene(path: &Path, report: &Report) -> Outcome<()> {
         return render::run(&scene.args, report);
     };
     let job = Job { args: &scene.args, report };
-    let pattern = job.start()?;
+    job.check()?;
+    let mut output = Output::new(job.args, report)?;
+    let pattern = Pattern::new(&job.args.picture.output);
     let pictures = plan::pictures(job.args, &pattern, 1, report)?;
     if job.args.medium.statistics.is_some() {
         return Err(Failure::Usage("--statistics is for particles, not for a grid".into()));
@@ -69,18 +71,21 @@ pub(crate) fn run_scene(path: &Path, report: &Report) -> Outcome<()> {
     let metadata = metadata::of_scene(path, &job.spheres_settings(), &guesses);
     let pictures: Vec<&plan::Picture> = pictures.iter().collect();
     let mut written = 0;
-    job.pictures(&medium, &scene, &pictures, &metadata, &mut written).map_err(|failure| match failure {
+    let done = job.pictures(&medium, &scene, &pictures, &metadata, (&mut output, &mut written));
+    output.finish(done.map_err(|failure| match failure {
         Failure::Interrupted(_) => {
             Failure::Interrupted(format!("{written} of {} pictures written", pictures.len()))
         }
         failure => failure,
-    })
+    }))
 }
 
 /// Renders what the command line asks for.
 pub(crate) fn run(args: &Render, report: &Report) -> Outcome<()> {
     let job = Job { args, report };
-    let pattern = job.start()?;
+    job.check()?;
+    let mut output = Output::new(args, report)?;
+    let pattern = Pattern::new(&args.picture.output);
     let sequence = input::open(&args.input, None, report)?;
     let pictures = plan::pictures(args, &pattern, sequence.len(), report)?;
     if args.method.dry_run {
@@ -102,25 +107,30 @@ pub(crate) fn run(args: &Render, report: &Report) -> Outcome<()> {
         let text = "--statistics of several frames needs a number in the name, such as NAME.%04d.json";
         return Err(Failure::Usage(text.into()));
     }
-    plan::each_frame(&pictures, args.frames.skip_existing, report, |number, wanted, kept, written| {
-        let frame = input::read(&sequence, number, &args.input, report)?;
-        let density = job.density(&frame.particles)?;
-        if let Some(statistics) = &statistics {
-            let text = statistics::json(&frame.particles, &job.density_settings(), &density);
-            let path = statistics.name(number);
-            write::atomically(&path, |file| file.write_all(text.as_bytes())).map_err(Failure::Output)?;
-        }
-        let mut guesses = job.described(&frame.particles, &density);
-        let (medium, scene) = job.scene(density.density, Some(&frame.particles), kept.as_ref())?;
-        guesses.extend(scene.guesses.clone());
-        if kept.is_none() {
-            report.note(format_args!("tyndall: {}", guesses.join(" · ")));
-        }
-        let time = frame.particles.time();
-        let metadata = metadata::entries(&sequence, number, time, &job.spheres_settings(), &guesses);
-        let scene = kept.insert(scene);
-        if wanted.is_empty() { Ok(()) } else { job.pictures(&medium, scene, wanted, &metadata, written) }
-    })
+    let done =
+        plan::each_frame(&pictures, args.frames.skip_existing, report, |number, wanted, kept, written| {
+            let frame = input::read(&sequence, number, &args.input, report)?;
+            let density = job.density(&frame.particles)?;
+            if let Some(statistics) = &statistics {
+                let text = statistics::json(&frame.particles, &job.density_settings(), &density);
+                let path = statistics.name(number);
+                write::atomically(&path, |file| file.write_all(text.as_bytes())).map_err(Failure::Output)?;
+            }
+            let mut guesses = job.described(&frame.particles, &density);
+            let (medium, scene) = job.scene(density.density, Some(&frame.particles), kept.as_ref())?;
+            guesses.extend(scene.guesses.clone());
+            if kept.is_none() {
+                report.note(format_args!("tyndall: {}", guesses.join(" · ")));
+            }
+            let time = frame.particles.time();
+            let metadata = metadata::entries(&sequence, number, time, &job.spheres_settings(), &guesses);
+            let scene = kept.insert(scene);
+            match wanted {
+                [] => Ok(()),
+                wanted => job.pictures(&medium, scene, wanted, &metadata, (&mut output, written)),
+            }
+        });
+    output.finish(done)
 }
 
 /// What lights the medium and looks at it: guessed on the first frame and kept.
@@ -145,8 +155,8 @@ struct Job<'a> {
 }
 
 impl Job<'_> {
-    /// Refuses before the work what cannot be; gives the pictures' names.
-    fn start(&self) -> Outcome<Pattern> {
+    /// Refuses before the work what cannot be.
+    fn check(&self) -> Outcome<()> {
         let noise = self.args.medium.noise.or(self.args.medium.density_noise);
         if noise.is_some() && self.args.medium.method == MethodName::Reference {
             let text = "--method reference knows no noise — leave out --noise and --density-noise";
@@ -157,15 +167,13 @@ impl Job<'_> {
             let text = "--filter and --clip are for spheres — leave them out, or --mode medium";
             return Err(Failure::Usage(text.into()));
         }
-        let pattern = Pattern::new(&self.args.picture.output);
-        write::check(&pattern.name(0)).map_err(Failure::Output)?;
         let grid = Grid::from_dense(Vec3::ZERO, 1.0, [1; 3], &[1.0])?;
         Medium::new(grid, self.optics(self.args.medium.extinction.map_or([0.0; 3], |it| it.0))?)?;
         for light in &self.args.medium.lights {
             light.light(DVec3::ZERO, self.up())?;
         }
         self.noise(1.0, DVec3::ZERO).map(Noise::new).transpose()?;
-        Ok(pattern)
+        Ok(())
     }
 
     /// Lights the medium and makes pictures of it.
@@ -175,7 +183,7 @@ impl Job<'_> {
         scene: &Scene,
         pictures: &[&plan::Picture],
         metadata: &[(String, String)],
-        written: &mut usize,
+        (output, written): (&mut Output, &mut usize),
     ) -> Outcome<()> {
         let start = Instant::now();
         let renderer = Renderer::new(self, medium, scene)?;
@@ -188,11 +196,10 @@ impl Job<'_> {
                 metadata: metadata.to_vec(),
                 ..write::ImageOptions::default()
             };
-            renderer.write(&self.view(&camera, scene.origin)?, &picture.path, options)?;
-            *written += 1;
             let since = if place == 0 { start } else { marching };
-            let took = seconds(since.elapsed().as_secs_f64());
-            self.report.note(format_args!("{}  {took}", picture.path.display()));
+            let (image, options) = renderer.picture(&self.view(&camera, scene.origin)?, options)?;
+            output.write(&picture.path, &image, &options, || since.elapsed())?;
+            *written += 1;
             if progress::stopped() {
                 return Err(Error::Interrupted.into());
             }
@@ -213,10 +220,11 @@ impl Job<'_> {
     }
 
     fn settings(&self) -> march::Settings {
-        let Picture { size, samples, seed, .. } = &self.args.picture;
+        let Picture { samples, seed, .. } = &self.args.picture;
+        let [width, height] = self.args.picture.pixels();
         march::Settings {
-            width: size.width,
-            height: size.height,
+            width,
+            height,
             samples: samples.unwrap_or(march::Settings::default().samples),
             seed: *seed,
             step: self.args.medium.step,
@@ -224,8 +232,9 @@ impl Job<'_> {
     }
 
     fn background(&self) -> Background {
-        let Picture { background, alpha, .. } = &self.args.picture;
-        if *alpha { Background::Nothing } else { background.unwrap_or(Background::Color([0.0; 3])) }
+        let picture = &self.args.picture;
+        let background = picture.background.unwrap_or(Background::Color([0.0; 3]));
+        if picture.is_opaque() { background } else { Background::Nothing }
     }
 
     fn view(&self, camera: &Camera, origin: DVec3) -> Outcome<View> {

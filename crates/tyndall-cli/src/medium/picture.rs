@@ -1,6 +1,5 @@
 //! One medium in its light, pictured from as many sides as one likes: the light is found once.
 
-use std::path::Path;
 use std::time::Instant;
 
 use tyndall::Image;
@@ -13,7 +12,7 @@ use tyndall::render::medium::photons::{self, Photons, Stored};
 use tyndall::render::medium::reference::{self, Reference};
 use tyndall::render::medium::{Backdrop, picture, show};
 use tyndall::scene::camera::View;
-use tyndall_io::write::{self, ImageOptions};
+use tyndall_io::write::ImageOptions;
 
 use super::args::{CacheName, MethodName, Shown};
 use super::{Job, Scene};
@@ -96,8 +95,8 @@ impl<'a> Renderer<'a> {
         Ok(photons)
     }
 
-    /// Makes a picture and writes it.
-    pub(super) fn write(&self, view: &View, path: &Path, mut options: ImageOptions) -> Outcome<()> {
+    /// Makes a picture, and adds to `options` the channels that belong to it.
+    pub(super) fn picture(&self, view: &View, mut options: ImageOptions) -> Outcome<(Image, ImageOptions)> {
         let start = Instant::now();
         let (image, pixels) = self.image(view)?;
         self.job.report.detail(format_args!("picture: {}", seconds(start.elapsed().as_secs_f64())));
@@ -106,7 +105,7 @@ impl<'a> Renderer<'a> {
             (format!("transmittance.{name}"), values)
         };
         options.channels = vec![layer("R", 0), layer("G", 1), layer("B", 2)];
-        write::image(path, &image, &options).map_err(Failure::Output)
+        Ok((image, options))
     }
 
     fn image(&self, view: &View) -> Outcome<(Image, Vec<Pixel>)> {

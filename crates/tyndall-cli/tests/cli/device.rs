@@ -126,6 +126,26 @@ fn devices_that_are_not_there_are_errors_but_for_auto() {
 }
 
 #[test]
+fn the_card_leaves_out_what_is_hidden() {
+    let folder = Folder::new();
+    if !has_adapter(&folder) {
+        return;
+    }
+    let told = |culling: &str| {
+        let line = format!(
+            "synthetic:packed?n=3000 --size 40x30 --device gpu -v --culling {culling} -o picture.png"
+        );
+        let told = folder.render(&line).fine();
+        (told, png(&folder.path("picture.png")))
+    };
+    let ((certified, found), (_, expected)) = (told("certified"), told("off"));
+    assert!(certified.contains("visible-set: "), "{certified}");
+    assert!(found == expected, "the picture is another");
+    let (told, _) = told("confidence --vc 8");
+    assert!(told.contains("culling by confidence (vc 8") && told.contains("voxels in"), "{told}");
+}
+
+#[test]
 fn cards_are_measured_and_figures_are_kept() {
     let folder = Folder::new();
     if !has_adapter(&folder) {
@@ -151,6 +171,14 @@ fn cards_are_measured_and_figures_are_kept() {
     let builders: Vec<_> = builds.iter().map(|row| row["builder"].as_str().unwrap()).collect();
     assert_eq!(builders, ["cpu", "gpu", "cpu", "gpu"]);
     assert!(builds.iter().all(|row| row["build Mparticles/s"].as_f64().unwrap() > 0.0), "{json}");
+    let rows = json["culling"].as_array().unwrap();
+    assert_eq!(rows.len(), 12, "by three numbers of samples too");
+    for row in rows {
+        let of = |heading: &str| row[heading].as_f64().filter(|&number| number > 0.0);
+        assert!(of("off frames/s").and(of("certified frames/s")).is_some(), "{row}");
+        let learned = of("confidence learning frames/s").and(of("confidence learned frames/s"));
+        assert_eq!(learned.is_some(), row["samples"] != 64, "{row}");
+    }
     let late = folder.line("bench gpu --device gpu --sets packed --n 300 --size 16x16 --time 1 --json");
     assert_eq!(late.code, 0, "{late:?}");
 }

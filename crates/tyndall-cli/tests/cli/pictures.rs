@@ -340,3 +340,36 @@ fn what_is_not_shown_is_as_if_it_were_not_there() {
     folder.render(&format!("all.xyz -o all.png {camera}")).fine();
     assert!(png(&folder.path("all.png")).0 != expected, "the others can be seen");
 }
+
+#[test]
+fn all_frames_become_a_movie() {
+    let folder = Folder::new();
+    folder.file("a.xyz", line_of(4).repeat(5));
+    let said = folder.render("a.xyz -o all.gif --samples 1 --fps 10").fine();
+    assert!(said.contains("all.gif  picture 5") && said.contains("all.gif  5 pictures, 10 a second"), "{said}");
+    let said = folder.render("a.xyz -o all.mp4 --samples 1 --size 33x20 --encoder built-in").fine();
+    assert!(said.contains("34x20") && said.contains("encoder built in"), "{said}");
+    folder.render("a.xyz -o turn.webp --alpha --samples 1 --frame 2 --orbit 360 --frame-count 3 -q").fine();
+    assert_eq!(folder.names(), ["a.xyz", "all.gif", "all.mp4", "turn.webp"]);
+    let bytes = std::fs::read(folder.path("all.mp4")).unwrap();
+    let text = String::from_utf8_lossy(&bytes);
+    assert!(text.contains("Command: tyndall render --size 48x32") && !text.contains("Frame: "));
+    // What is there is left.
+    let said = folder.render("a.xyz -o all.gif --skip-existing").fine();
+    assert!(said.contains("5 pictures there already"), "{said}");
+}
+
+#[test]
+fn movies_that_cannot_be_are_refused_before_the_reading() {
+    let folder = Folder::new();
+    for (words, text) in [
+        ("none.xyz -o a.%04d.mp4", "a movie is one file"),
+        ("none.xyz -o a.mp4 --alpha", "no transparency"),
+        ("none.xyz -o a.gif --fps 60", "at most 50"),
+        ("none.xyz -o a.mp4 --fps -3", "--fps"),
+        ("none.xyz -o a.mp4 --size 16384x16384", "no level of H.264"),
+    ] {
+        folder.render(words).fails(2, &[text]);
+    }
+    assert!(folder.names().is_empty());
+}

@@ -101,6 +101,9 @@ pub(crate) fn index(path: &Path, bytes: &[u8], _: &Options) -> Result<Index> {
             what,
             "if it is whole, add a line with a hash, '#', as entries of the PDB have it",
         ));
+    } else if is_last && !ends_with_comment(bytes) {
+        index.doubt =
+            Some("nothing follows the last atom, so nobody can tell whether it is the last one".into());
     }
     if rows == 0 && found == 0 {
         index.frames.push(Span { offset: end, line: 1, bytes: Some(0) });

@@ -4,7 +4,6 @@
 //! they lie. The samples may be packed by gzip, Zstandard or as a zlib stream; a file of exactly the right size is taken as plain.
 //! Memory grows with what is really there, never by what was promised.
 
-use std::fs::File;
 use std::io::{BufReader, Read};
 use std::path::Path;
 
@@ -77,7 +76,7 @@ pub fn density(path: &Path, raw: &RawGrid, progress: &dyn Progress) -> Result<Gr
         return Err(Error::setting("scale", raw.scale, "a finite number of at least 0"));
     }
     progress.begin("read", Some(wanted), "B");
-    let mut stream = open(path, wanted)?;
+    let mut stream = unpacked(path, wanted)?;
     let mut values = Vec::new();
     let mut left = wanted;
     let mut bytes = Vec::with_capacity(STEP);
@@ -108,13 +107,13 @@ pub fn density(path: &Path, raw: &RawGrid, progress: &dyn Progress) -> Result<Gr
 }
 
 /// The samples' bytes, unpacked.
-fn open(path: &Path, wanted: u64) -> Result<Box<dyn Read + Send>> {
+fn unpacked(path: &Path, wanted: u64) -> Result<Box<dyn Read + Send>> {
     let io = |source| Error::io(path, source);
-    let mut file = File::open(path).map_err(io)?;
+    let mut file = super::open(path)?;
     let length = file.metadata().map_err(io)?.len();
     let mut head = Vec::new();
     (&mut file).take(4).read_to_end(&mut head).map_err(io)?;
-    let file = File::open(path).map_err(io)?;
+    let file = super::open(path)?;
     // RFC 1950: a zlib stream has the method 8 in its first byte, and its first two bytes are a multiple of 31.
     let is_zlib = head.len() > 1 && head[0] & 15 == 8 && u16::from_be_bytes([head[0], head[1]]) % 31 == 0;
     Ok(match Packing::of(&head) {

@@ -4,14 +4,15 @@
 //! were. Coordinates are integers times a scale plus an offset, in double precision until the origin is off. Extra bytes and
 //! wave forms are left out. Source: ASPRS, "LAS specification 1.4 - R15".
 
-use std::panic::{AssertUnwindSafe, catch_unwind};
+mod packed;
+
 use std::path::Path;
 
 use glam::DVec3;
-use laz::{LasZipDecompressor, LazVlr};
 use rayon::prelude::*;
 use tyndall::{Error, Progress, Result};
 
+use self::packed::{Packed, Packing};
 use super::cursor::Cursor;
 use super::numbers::{Kind, Order};
 use super::records::{self, Builder, ORIGIN_COUNT, Source, truncated};
@@ -42,7 +43,7 @@ struct Header {
     scale: DVec3,
     offset: DVec3,
     /// How the points are packed, if they are.
-    packing: Option<LazVlr>,
+    packing: Option<Packing>,
     /// Whether the coordinate system is named.
     system: bool,
 }
@@ -96,8 +97,7 @@ impl Header {
             let data = cursor.take(length.into(), "a variable record")?;
             match user.trim_end_matches('\0') {
                 "laszip encoded" if number == 22204 => {
-                    let vlr = LazVlr::from_buffer(data).map_err(|error| cursor.fault(error.to_string()))?;
-                    packing = Some(vlr);
+                    packing = Some(Packing::read(data).map_err(|what| cursor.fault(what))?);
                 }
                 "LASF_Projection" => system = true,
                 _ => {}
@@ -108,7 +108,7 @@ impl Header {
                 "the point format and the record of LASzip do not agree on whether points are packed",
             ));
         }
-        if packing.as_ref().is_some_and(|vlr| vlr.items_size() != record as u64) {
+        if packing.as_ref().is_some_and(|it| it.record_bytes() != record as u64) {
             return Err(cursor.fault(format!("the record of LASzip has not {record} bytes a point")));
         }
         Ok(Self { start: start as usize, format, record, count, scale, offset, packing, system })
@@ -210,29 +210,14 @@ pub(crate) fn read(path: &Path, bytes: &[u8], progress: &dyn Progress) -> Result
     let (count, record) = (header.count as usize, header.record);
     let quantities = quantities(header.format);
 
-    let unpacking =
-        |error: String| Error::format(path, "", format!("the points cannot be unpacked: {error}"), HINT);
     let mut packed = match &header.packing {
         // Without points there is nothing, not even where their chunks are.
-        Some(vlr) if count > 0 => {
-            let mut content = std::io::Cursor::new(bytes);
-            content.set_position(header.start as u64);
-            let decompressor = LasZipDecompressor::new(content, vlr.clone());
-            Some(decompressor.map_err(|error| unpacking(error.to_string()))?)
-        }
+        Some(packing) if count > 0 => Some(Packed::new(path, bytes, header.start, packing, header.count)?),
         _ => None,
     };
     let rows: Vec<usize> = (0..count).step_by(BATCH).map(|start| BATCH.min(count - start)).collect();
     let mut unpacked = vec![0; if packed.is_some() { rows[0] * record } else { 0 }];
-    let mut unpack = |into: &mut [u8]| match &mut packed {
-        Some(decompressor) => {
-            // The decoder asserts what damaged data may break.
-            let unpacked = catch_unwind(AssertUnwindSafe(|| decompressor.decompress_many(into)));
-            let done = unpacked.map_err(|_| unpacking("the data are damaged".to_string()))?;
-            done.map_err(|error| unpacking(error.to_string()))
-        }
-        None => Ok(()),
-    };
+    let mut unpack = |into: &mut [u8]| packed.as_mut().map_or(Ok(()), |it| it.unpack(into));
 
     // The first batch is unpacked before the others: it decides the origin.
     unpack(&mut unpacked)?;

@@ -51,6 +51,10 @@ pub fn described_density(
         return Err(Error::setting("scale", scale, "a finite number of at least 0"));
     }
     let (head, packing) = super::head(path)?;
+    if !vtk::recognise(&head) && !is_dx(&head) {
+        let what = "neither OpenDX nor a VTK image: the file does not say where its samples lie";
+        return Err(Error::format(path, "", what, "give size and spacing of a raw grid in [grid]"));
+    }
     let (map, unpacked);
     let bytes: &[u8] = match packing {
         Packing::Plain => {
@@ -68,11 +72,8 @@ pub fn described_density(
         let (samples, name) = vtk::image(path, bytes, array)?;
         conventions.push(format!("density: array '{name}'"));
         samples
-    } else if is_dx(&head) {
-        dx(path, bytes)?
     } else {
-        let what = "neither OpenDX nor a VTK image: the file does not say where its samples lie";
-        return Err(Error::format(path, "", what, "give size and spacing of a raw grid in [grid]"));
+        dx(path, bytes)?
     };
     progress.advance(bytes.len() as u64);
     let (mut samples, changed) = samples.cubic(path)?;

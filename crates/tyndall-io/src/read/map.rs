@@ -1,6 +1,6 @@
-//! A file's bytes as memory: mapped, not copied.
+//! A file, and its bytes as memory: mapped, not copied.
 //!
-//! Takes a path, gives its bytes. What was read of a map stays in memory as long as nothing else needs the room; [`Map::released`]
+//! Takes a path, gives the file or its bytes. What was read of a map stays in memory as long as nothing else needs the room; [`Map::released`]
 //! gives it back earlier, so that a reader needs little beside what it makes. The one place with `unsafe` in the readers.
 #![allow(unsafe_code)]
 
@@ -19,9 +19,19 @@ const RELEASE_BYTES: u64 = 8 << 20;
 #[derive(Debug)]
 pub(crate) struct Map(Mmap);
 
+/// Opens a regular file. Anything else is refused before it is opened: a pipe would let us wait for who writes to it.
+pub(crate) fn open(path: &Path) -> Result<File> {
+    let io = |source| Error::io(path, source);
+    if !std::fs::metadata(path).map_err(io)?.is_file() {
+        let hint = "give a regular file; what comes from a pipe has to be stored first";
+        return Err(Error::format(path, "", "this is not a file", hint));
+    }
+    File::open(path).map_err(io)
+}
+
 /// Maps the whole of `path`, to be read mostly from front to back.
 pub(crate) fn map(path: &Path) -> Result<Map> {
-    let file = File::open(path).map_err(|source| Error::io(path, source))?;
+    let file = open(path)?;
     // SAFETY: the map is read-only and private to this process. That no other process truncates the file while it is
     // mapped cannot be enforced; the system would then end us with SIGBUS, never give us wrong memory. This risk is
     // accepted, as by every program that maps its input.

@@ -21,6 +21,7 @@ mod gadget;
 mod geo;
 mod gro;
 mod gsd;
+mod guard;
 #[cfg(feature = "hdf5")]
 mod hdf5;
 mod lammps;
@@ -58,7 +59,6 @@ mod vtk;
 mod xtc;
 mod xyz;
 
-use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
@@ -69,7 +69,8 @@ use crate::topology::Topology;
 pub use density::{RawGrid, Sample, density};
 pub(crate) use feed::Feed;
 pub use lattice::{Described, described_density};
-pub(crate) use map::map;
+pub(crate) use map::{map, open};
+pub(crate) use rows::open_end;
 pub use sky::sky;
 pub(crate) use unpack::Packing;
 
@@ -155,6 +156,8 @@ pub(crate) struct Index {
     pub(crate) frames: Vec<Span>,
     /// Whether one more begins that is not whole.
     pub(crate) cut: bool,
+    /// Why nobody can tell whether the last one is whole.
+    pub(crate) doubt: Option<String>,
     /// What the first frame says for all: the unit system.
     pub(crate) units: Option<String>,
     /// What the format is called in this file, where that says more than [`Format::title`].
@@ -450,15 +453,11 @@ pub(crate) fn recognise(path: &Path, options: &Options) -> Result<(&'static Form
 /// The first bytes of the unpacked content.
 fn head(path: &Path) -> Result<(Vec<u8>, Packing)> {
     let io = |source| Error::io(path, source);
-    let mut file = File::open(path).map_err(io)?;
-    if !file.metadata().map_err(io)?.is_file() {
-        let hint = "give a regular file; what comes from a pipe has to be stored first";
-        return Err(Error::format(path, "", "this is not a file", hint));
-    }
+    let mut file = open(path)?;
     let mut magic = Vec::new();
     (&mut file).take(unpack::MAGIC_BYTES as u64).read_to_end(&mut magic).map_err(io)?;
     let packing = Packing::of(&magic);
-    let file = File::open(path).map_err(io)?;
+    let file = open(path)?;
     let mut head = Vec::new();
     let read = packing.stream(file).take(HEAD).read_to_end(&mut head);
     match read {
@@ -482,7 +481,7 @@ pub(crate) fn unpacked(path: &Path, packing: Packing, progress: &dyn Progress) -
 
 /// The same, within a stage that counts bytes of files.
 pub(crate) fn unpack(path: &Path, packing: Packing, progress: &dyn Progress) -> Result<Vec<u8>> {
-    let file = File::open(path).map_err(|source| Error::io(path, source))?;
+    let file = open(path)?;
     let mut stream = packing.stream(file);
     let mut bytes = Vec::new();
     let mut told = 0;
@@ -563,6 +562,18 @@ mod tests {
         assert_eq!(title("a.png", b"2\ncomment\nO 0 0 0\nH 0 0 1\n"), Ok("XYZ"));
         assert_eq!(title("b.xyz", b"ITEM: TIMESTEP\n0\n"), Ok("LAMMPS dump"));
         assert_eq!(title("c.dat", b"x,y,z\n1,2,3\n"), Ok("table"));
+    }
+
+    #[test]
+    fn every_format_has_a_sample_for_the_tests_that_damage_files() {
+        let data = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data");
+        let files = ["samples", "hdf5"].map(|it| std::fs::read_dir(data.join(it)).unwrap());
+        let known = files.into_iter().flatten().filter_map(|it| {
+            recognise(&it.unwrap().path(), &Options::default()).ok().map(|(format, _)| format.title)
+        });
+        let known: Vec<&str> = known.collect();
+        let without = FORMATS.iter().map(|it| it.title).filter(|it| !known.contains(it));
+        assert_eq!(without.collect::<Vec<_>>(), [""; 0], "add a small file to tests/data/samples");
     }
 
     #[test]

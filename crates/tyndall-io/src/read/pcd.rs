@@ -15,7 +15,7 @@ use super::feed::Feed;
 use super::numbers::{Kind, Order};
 use super::records::{self, Field, Layout, Source};
 use super::rows::{self, Heading, Role};
-use super::{lzf, whole_lines};
+use super::{lzf, open_end, whole_lines};
 use crate::sequence::Frame;
 
 const HINT: &str = "write it again with PCL, or save it as PLY";
@@ -182,7 +182,8 @@ pub(crate) fn read(path: &Path, bytes: &[u8], progress: &dyn Progress) -> Result
     if header.posed {
         conventions.push("VIEWPOINT, the sensor's pose, is not applied to the points".to_string());
     }
-    records::frame(columns, conventions, Vec::new())
+    let doubt = if header.form == Form::Text { open_end(bytes) } else { None };
+    records::frame(columns, conventions, doubt.into_iter().collect())
 }
 
 fn text(

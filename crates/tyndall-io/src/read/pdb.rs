@@ -121,6 +121,8 @@ pub(crate) fn index(path: &Path, bytes: &[u8], _: &Options) -> Result<Index> {
             ));
         }
         if !index.cut {
+            let doubt = "no END follows the last atom, so nobody can tell whether it is the last one";
+            index.doubt = Some(doubt.to_string());
             close(start, bytes.len(), start_line, &mut index);
         }
     }

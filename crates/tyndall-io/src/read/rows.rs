@@ -174,6 +174,31 @@ fn join(mut parts: Vec<Part>, origin: DVec3, offsets: &mut [Vec<f32>; 3], column
     );
 }
 
+/// Says that the last value of a text may be cut, where no line end follows it. Two lines before whose last numbers are written
+/// alike, with as many digits behind the point, show that it is whole.
+pub(crate) fn open_end(text: &[u8]) -> Option<String> {
+    if text.last().is_none_or(u8::is_ascii_whitespace) {
+        return None;
+    }
+    let tail = &text[text.len().saturating_sub(1 << 12)..];
+    let lines = tail.rsplit(|&byte| byte == b'\n').map(<[u8]>::trim_ascii).filter(|it| !it.is_empty());
+    let mut words = lines.filter_map(|line| line.rsplit(|byte| b" \t,;".contains(byte)).next());
+    let last = words.next()?;
+    let form = |word: &[u8]| -> Option<Vec<u8>> {
+        let point = word.iter().position(|&byte| byte == b'.')?;
+        let form = word[point + 1..].iter().map(|&it| if it.is_ascii_digit() { b'0' } else { it });
+        Some(form.map(|it| if it == b'+' { b'-' } else { it }).collect())
+    };
+    let wanted = form(last).filter(|it| !it.is_empty());
+    if wanted.is_some() && words.by_ref().take(2).filter(|word| form(word) == wanted).count() == 2 {
+        return None;
+    }
+    let last = shortened(last);
+    Some(format!(
+        "no line end follows the last value, '{last}': if the file was cut there, it may be a part of the value"
+    ))
+}
+
 /// The kind of each field, by the first rows of `text`: words where a field is no number, integers where all are.
 pub(crate) fn kinds(text: &[u8], separator: Separator, fields: usize) -> Vec<Kind> {
     let mut kinds = vec![Kind::Integer; fields];

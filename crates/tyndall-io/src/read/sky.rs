@@ -5,7 +5,6 @@
 //! Sources: The OpenEXR File Layout, openexr.com; G. Ward, "Real pixels", Graphics Gems II, 1991, and radiance-online.org,
 //! "The RADIANCE picture file format" (RGBE, run lengths).
 
-use std::fs;
 use std::path::Path;
 
 use exr::prelude::{ReadChannels, ReadLayers, Vec2};
@@ -26,10 +25,10 @@ struct Pixels {
 /// Fails with [`Error::Format`] where it is no such picture or has a pixel that is no number, and with [`Error::Setting`] for a
 /// factor that is negative or not finite.
 pub fn sky(path: &Path, factor: [f32; 3]) -> Result<Environment> {
-    let bytes = fs::read(path).map_err(|error| Error::io(path, error))?;
+    let bytes = super::map(path)?;
     let hint = "an equirectangular picture in OpenEXR or Radiance HDR";
     let bad = |what: String| Error::format(path, "", what, hint);
-    let mut pixels = match bytes.as_slice() {
+    let mut pixels = match &bytes[..] {
         [0x76, 0x2f, 0x31, 0x01, ..] => of_exr(&bytes).map_err(|error| bad(error.to_string()))?,
         [b'#', b'?', ..] => of_hdr(&bytes).map_err(|what| bad(what.to_string()))?,
         _ => return Err(bad("it is neither an EXR nor an HDR file".into())),
@@ -169,6 +168,8 @@ fn light([r, g, b, exponent]: [u8; 4]) -> [f32; 3] {
 
 #[cfg(test)]
 mod tests {
+    use std::fs;
+
     use super::*;
 
     fn read(bytes: &[u8]) -> Result<Environment> {

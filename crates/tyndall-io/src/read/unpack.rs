@@ -3,6 +3,9 @@
 //! Gzip may have many members, Zstandard many frames, bzip2 and xz many streams; all are read to their end. A stream that stops too early fails
 //! with [`ErrorKind::UnexpectedEof`], one that is damaged with [`ErrorKind::InvalidData`]. It counts what it takes of the
 //! file, so that a progress has a total that is known beforehand: the file's size.
+//!
+//! What unpacks to more than [`MOST_GROWTH`] times what was taken of the file is refused: of particles nobody packs so much into so little, but
+//! a few bytes of bzip2 or xz can become terabytes.
 
 use std::io::{BufRead, BufReader, Error, ErrorKind, Read, Result};
 use std::sync::Arc;
@@ -19,6 +22,11 @@ pub(crate) const MAGIC_BYTES: usize = 6;
 
 /// What an xz file may ask for to be unpacked, in KiB: its highest preset needs 65 MiB.
 const MOST_XZ_KIB: u32 = 512 << 10;
+
+/// Content that may come out of a file however small.
+const FREE_BYTES: u64 = 64 << 20;
+/// Beyond that, so many bytes may come out of one, as many as gzip can make of one at most.
+const MOST_GROWTH: u64 = 1032;
 
 /// How a file is compressed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -76,7 +84,7 @@ impl Packing {
             Self::Bzip2 => Box::new(MultiBzDecoder::new(file)),
             Self::Xz => Box::new(XzReader::new_mem_limit(file, true, MOST_XZ_KIB)),
         };
-        Stream { content, taken }
+        Stream { content, taken, given: 0 }
     }
 }
 
@@ -90,6 +98,8 @@ fn is_bzip2(head: &[u8]) -> bool {
 pub(crate) struct Stream {
     content: Box<dyn Read + Send>,
     taken: Arc<AtomicU64>,
+    /// How many bytes came out.
+    given: u64,
 }
 
 impl Stream {
@@ -101,7 +111,17 @@ impl Stream {
 
 impl Read for Stream {
     fn read(&mut self, buffer: &mut [u8]) -> Result<usize> {
-        self.content.read(buffer)
+        let count = self.content.read(buffer)?;
+        self.given += count as u64;
+        if self.given > FREE_BYTES && self.given / MOST_GROWTH > self.taken() {
+            let what = format!(
+                "{} bytes of the file become more than {} bytes: if that is meant, unpack it on disk",
+                self.taken(),
+                self.given
+            );
+            return Err(Error::new(ErrorKind::InvalidData, what));
+        }
+        Ok(count)
     }
 }
 
@@ -292,6 +312,16 @@ mod tests {
             let error = unpacked(&packed[..packed.len() / 2]).unwrap_err();
             assert_eq!(error.kind(), ErrorKind::UnexpectedEof, "{name}");
         }
+    }
+
+    #[test]
+    fn a_small_file_does_not_become_terabytes() {
+        // Zeros in streams of bzip2 behind each other: 45 bytes become 900,000, and so on.
+        let bomb = bzip2(&vec![0; 10 << 20]).repeat(20);
+        let mut stream = Packing::of(&bomb).stream(std::io::Cursor::new(bomb));
+        let error = std::io::copy(&mut stream, &mut std::io::sink()).unwrap_err();
+        assert!(error.to_string().contains("unpack it on disk"), "{error}");
+        assert!(stream.given <= FREE_BYTES + (1 << 20), "{} bytes came out", stream.given);
     }
 
     #[test]

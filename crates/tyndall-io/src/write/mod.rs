@@ -1,8 +1,10 @@
 //! Pictures to files: the extension says which kind, and a file appears whole or not at all.
 
 mod exr;
+pub mod movie;
 pub mod particles;
 mod png;
+mod stored;
 
 use std::fs::{self, File};
 use std::io::{self, BufWriter, ErrorKind, Write};

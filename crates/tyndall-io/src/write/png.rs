@@ -9,10 +9,9 @@ use png::{
     BitDepth, ColorType, DeflateCompression, Encoder, EncodingError, Filter, PixelDimensions,
     SrgbRenderingIntent, Unit,
 };
-use rayon::prelude::*;
-use tyndall::srgb::encoded_from_linear;
 use tyndall::{Error, Image, Result};
 
+use super::stored::{Stored, is_opaque};
 use super::{ImageOptions, atomically};
 
 /// Pixels that are converted at a time: enough for all threads, little beside the picture.
@@ -22,33 +21,24 @@ const DEFLATE: u8 = 2;
 
 /// Writes the picture. The options but for `bits` were checked by the caller.
 pub(super) fn write(path: &Path, image: &Image, options: &ImageOptions) -> Result<()> {
-    let (depth, full) = match options.bits {
-        8 => (BitDepth::Eight, 255.0),
-        16 => (BitDepth::Sixteen, 65535.0),
+    let is_wide = match options.bits {
+        8 => false,
+        16 => true,
         other => return Err(Error::setting("--bits", other, "a PNG has 8 or 16 bits a channel")),
     };
-    let opaque = image.color.par_iter().all(|color| color[3] >= 1.0);
-    atomically(path, |file| encode(file, image, options, &Format { depth, full, opaque }).map_err(io_error))
-}
-
-/// How a pixel is stored.
-struct Format {
-    depth: BitDepth,
-    /// The stored value that means 1.
-    full: f32,
-    /// Whether alpha is left out.
-    opaque: bool,
+    let format = Stored { is_wide, has_alpha: !is_opaque(image) };
+    atomically(path, |file| encode(file, image, options, &format).map_err(io_error))
 }
 
 fn encode(
     file: impl Write,
     image: &Image,
     options: &ImageOptions,
-    format: &Format,
+    format: &Stored,
 ) -> std::result::Result<(), EncodingError> {
     let mut encoder = Encoder::new(file, image.width, image.height);
-    encoder.set_color(if format.opaque { ColorType::Rgb } else { ColorType::Rgba });
-    encoder.set_depth(format.depth);
+    encoder.set_color(if format.has_alpha { ColorType::Rgba } else { ColorType::Rgb });
+    encoder.set_depth(if format.is_wide { BitDepth::Sixteen } else { BitDepth::Eight });
     encoder.set_deflate_compression(DeflateCompression::Level(DEFLATE));
     encoder.set_filter(Filter::Adaptive);
     encoder.set_source_srgb(SrgbRenderingIntent::Perceptual);
@@ -70,33 +60,12 @@ fn encode(
     let mut picture = encoder.write_header()?;
     let mut writer = picture.stream_writer()?;
     for pixels in image.color.chunks(BATCH) {
-        let stored = pixels.par_chunks(BATCH / 64).map(|pixels| stored(pixels, format));
-        for bytes in stored.collect::<Vec<_>>() {
+        for bytes in format.bytes(pixels) {
             writer.write_all(&bytes)?;
         }
     }
     writer.finish()?;
     picture.finish()
-}
-
-/// The bytes of pixels, as PNG orders them.
-fn stored(pixels: &[[f32; 4]], format: &Format) -> Vec<u8> {
-    let channels = if format.opaque { 3 } else { 4 };
-    let mut bytes = Vec::with_capacity(pixels.len() * channels * 2);
-    for &[red, green, blue, alpha] in pixels {
-        let straight = if alpha > 0.0 { alpha.recip() } else { 0.0 };
-        let encoded = [red, green, blue].map(|light| encoded_from_linear(light * straight));
-        let values = [encoded[0], encoded[1], encoded[2], alpha];
-        for value in &values[..channels] {
-            // Rounded to the nearest; NaN becomes 0.
-            let word = (format.full * value.clamp(0.0, 1.0)).round() as u16;
-            match format.depth {
-                BitDepth::Sixteen => bytes.extend(word.to_be_bytes()),
-                _ => bytes.push(word as u8),
-            }
-        }
-    }
-    bytes
 }
 
 fn io_error(error: EncodingError) -> io::Error {
@@ -162,13 +131,6 @@ mod tests {
             }
             assert!(off * 50 < words.len(), "{off} of {} differ at {bits} bits", words.len());
         }
-    }
-
-    #[test]
-    fn numbers_that_are_no_colors_are_clamped() {
-        let format = Format { depth: BitDepth::Eight, full: 255.0, opaque: false };
-        let pixels = [[f32::NAN, f32::INFINITY, -1.0, 1.0], [1.0, 1.0, 1.0, 0.0], [9.0, 0.25, 0.0, 0.5]];
-        assert_eq!(stored(&pixels, &format), [0, 255, 0, 255, 0, 0, 0, 0, 255, 188, 0, 128]);
     }
 
     #[test]

@@ -2,6 +2,7 @@
 //! be decided otherwise: such pixels are counted.
 
 mod built;
+mod culling;
 mod heaps;
 mod selection;
 

@@ -1,25 +1,35 @@
 //! Filters of HDF5 beside those that the reader has: LZF, which h5py brings, bzip2 and Zstandard.
+//!
+//! A chunk is unpacked to no more than the largest chunk of the file's data sets has by its extent.
 
 use std::io::Read;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
 use hdf5_reader::FilterRegistry;
 use hdf5_reader::error::Error;
 use hdf5_reader::filters::FilterFn;
 use hdf5_reader::messages::filter_pipeline::FilterDescription;
 
-/// No chunk is larger: HDF5 counts its bytes in 32 bits.
-const MOST_BYTES: u64 = u32::MAX as u64;
+/// Checksums and the like, which other filters put into a chunk.
+const BESIDES: u64 = 1 << 12;
 
 const BZIP2: u16 = 307;
 const LZF: u16 = 32000;
 const ZSTD: u16 = 32015;
 
-/// The filters that can be undone.
-pub(super) fn registry() -> FilterRegistry {
+/// Unpacks a chunk to at most so many bytes.
+type Unpack = fn(&[u8], u64) -> Result<Vec<u8>, Error>;
+
+/// The filters that can be undone. `chunk_bytes` is how many bytes the largest chunk of the data sets that were opened has.
+pub(super) fn registry(chunk_bytes: Arc<AtomicU64>) -> FilterRegistry {
     let mut registry = FilterRegistry::new();
-    let filters: [(u16, FilterFn); 3] =
-        [(BZIP2, Box::new(bzip2)), (LZF, Box::new(lzf)), (ZSTD, Box::new(zstd))];
-    for (id, filter) in filters {
+    let filters: [(u16, Unpack); 3] = [(BZIP2, bzip2), (LZF, lzf), (ZSTD, zstd)];
+    for (id, unpack) in filters {
+        let chunk_bytes = Arc::clone(&chunk_bytes);
+        let filter: FilterFn = Box::new(move |_: &FilterDescription, data, _| {
+            unpack(data, chunk_bytes.load(Relaxed).saturating_add(BESIDES))
+        });
         registry.register(id, filter);
     }
     registry
@@ -41,20 +51,42 @@ fn failed(error: impl std::fmt::Display) -> Error {
     Error::DecompressionError(error.to_string())
 }
 
-fn all(stream: impl Read) -> Result<Vec<u8>, Error> {
+fn all(stream: impl Read, most: u64) -> Result<Vec<u8>, Error> {
     let mut bytes = Vec::new();
-    stream.take(MOST_BYTES).read_to_end(&mut bytes).map_err(failed)?;
+    stream.take(most.saturating_add(1)).read_to_end(&mut bytes).map_err(failed)?;
+    if bytes.len() as u64 > most {
+        return Err(failed(format!("a chunk is larger than the {most} bytes that its extent has")));
+    }
     Ok(bytes)
 }
 
-fn bzip2(_: &FilterDescription, data: &[u8], _: usize) -> Result<Vec<u8>, Error> {
-    all(::bzip2::read::BzDecoder::new(data))
+fn bzip2(data: &[u8], most: u64) -> Result<Vec<u8>, Error> {
+    all(::bzip2::read::BzDecoder::new(data), most)
 }
 
-fn zstd(_: &FilterDescription, data: &[u8], _: usize) -> Result<Vec<u8>, Error> {
-    all(ruzstd::decoding::StreamingDecoder::new(data).map_err(failed)?)
+fn zstd(data: &[u8], most: u64) -> Result<Vec<u8>, Error> {
+    all(ruzstd::decoding::StreamingDecoder::new(data).map_err(failed)?, most)
 }
 
-fn lzf(_: &FilterDescription, data: &[u8], _: usize) -> Result<Vec<u8>, Error> {
-    crate::read::lzf::unpack(data, MOST_BYTES as usize).map_err(failed)
+fn lzf(data: &[u8], most: u64) -> Result<Vec<u8>, Error> {
+    crate::read::lzf::unpack(data, usize::try_from(most).unwrap_or(usize::MAX)).map_err(failed)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_chunk_is_not_unpacked_beyond_its_extent() {
+        let zeros = vec![0; 1 << 20];
+        let packed =
+            ruzstd::encoding::compress_to_vec(&zeros[..], ruzstd::encoding::CompressionLevel::Fastest);
+        assert_eq!(zstd(&packed, 1 << 20).unwrap(), zeros);
+        let error = zstd(&packed, (1 << 20) - 1).unwrap_err().to_string();
+        assert!(error.contains("larger than"), "{error}");
+        let mut encoder = ::bzip2::write::BzEncoder::new(Vec::new(), ::bzip2::Compression::fast());
+        std::io::Write::write_all(&mut encoder, &zeros).unwrap();
+        let packed = encoder.finish().unwrap();
+        assert!(bzip2(&packed, 1 << 20).is_ok() && bzip2(&packed, 1 << 10).is_err());
+    }
 }

@@ -9,8 +9,9 @@ use std::path::PathBuf;
 
 use tyndall::{Cell, DVec3, Progress, Result};
 
+use super::attributes::Attributes;
 use super::columns::{self, Input, Run};
-use super::tree::{Attributes, Data, Group, Tree};
+use super::tree::{Data, Group, Tree};
 use crate::read::content;
 use crate::read::map;
 use crate::read::records;
@@ -171,7 +172,7 @@ pub(super) fn frame(tree: &Tree, options: &Options, progress: &dyn Progress) -> 
         let present: Vec<&str> = present.iter().map(String::as_str).collect();
         return Err(snapshot::none_wanted(options, &present));
     }
-    let columns = columns_of(&parts)?;
+    let columns = columns_of(&parts, &mut warnings)?;
     let flags = sections::flags(&columns, options.wanted.as_ref());
     let columns = sections::flagged(columns, &flags);
     let runs = parts.iter().map(|part| run(tree, part, &columns)).collect::<Result<Vec<_>>>()?;
@@ -232,8 +233,8 @@ fn parts_of(tree: &Tree) -> Result<Vec<Part<'_>>> {
     Ok(parts)
 }
 
-/// All columns of all parts.
-fn columns_of(parts: &[Part]) -> Result<Vec<Column>> {
+/// All columns of all parts. Says what is left out.
+fn columns_of(parts: &[Part], warnings: &mut Vec<String>) -> Result<Vec<Column>> {
     let mut columns: Vec<Column> = Vec::new();
     for part in parts {
         let mut found = Vec::new();
@@ -241,8 +242,16 @@ fn columns_of(parts: &[Part]) -> Result<Vec<Column>> {
             let Some(data) = part.group.dataset(&name)?.filter(|it| is_column(it, part.count)) else {
                 continue;
             };
-            let components = data.shape()[1..].iter().product::<u64>() as usize;
-            found.push(Column { unit: unit(&data.attributes()), ..Column::new(name, components) });
+            let unit = unit(&data.attributes());
+            match data.quantity(&[])? {
+                Ok(rows) => found.push(Column { unit, ..Column::new(name, rows.width) }),
+                Err(why) => {
+                    let warning = format!("left out: {name} ({why})");
+                    if !warnings.contains(&warning) {
+                        warnings.push(warning);
+                    }
+                }
+            }
         }
         if part.mass != 0.0 && !found.iter().any(|it| it.name == "Masses") {
             found.push(Column::new("Masses", 1));
@@ -270,10 +279,10 @@ fn run(tree: &Tree, part: &Part, columns: &[Column]) -> Result<Run> {
     let value = |column: &Column| -> Result<Input> {
         let data = part.group.dataset(&column.name)?.filter(|it| is_column(it, part.count));
         match data {
-            Some(data) => {
-                let rows = data.rows(&[])?;
-                Ok(if rows.width == column.components { Input::Rows(rows) } else { Input::Missing })
-            }
+            Some(data) => Ok(match data.quantity(&[])? {
+                Ok(rows) if rows.width == column.components => Input::Rows(rows),
+                _ => Input::Missing,
+            }),
             None if column.name == "Masses" && part.mass != 0.0 => Ok(Input::All(part.mass)),
             None => Ok(Input::Missing),
         }

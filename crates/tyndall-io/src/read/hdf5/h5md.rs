@@ -140,7 +140,13 @@ pub(super) fn frame(tree: &Tree, frame: usize, options: &Options, progress: &dyn
             continue;
         }
         let (unit, names) = (element.unit(), element.value.words());
-        let rows = element.value.rows(&lead)?;
+        let rows = match element.value.quantity(&lead)? {
+            Ok(rows) => rows,
+            Err(why) => {
+                warnings.push(format!("left out: '{name}' ({why})"));
+                continue;
+            }
+        };
         if !names.is_empty() && rows.width == 1 {
             words.push((columns.len(), names));
         }

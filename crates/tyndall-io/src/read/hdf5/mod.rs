@@ -4,10 +4,12 @@
 //! sets are positions and quantities (`Run`), and `columns.rs` brings their rows into columns, some thousand at a time, so that
 //! no data set is held as a whole beside its column.
 
+mod attributes;
 mod columns;
 mod filters;
 mod gadget;
 mod h5md;
+mod neighbors;
 mod openpmd;
 mod plain;
 mod tree;

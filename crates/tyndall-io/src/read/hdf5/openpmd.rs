@@ -7,8 +7,9 @@
 
 use tyndall::{Error, Progress, Result};
 
+use super::attributes::Attributes;
 use super::columns::{self, Input, Run, Term};
-use super::tree::{Attributes, Group, Tree};
+use super::tree::{Group, Tree};
 use crate::read::records;
 use crate::read::sections::Column;
 use crate::read::snapshot;

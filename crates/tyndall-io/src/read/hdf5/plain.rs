@@ -3,6 +3,8 @@
 //! The positions are the data set that the caller names, else the one that is called like positions, else the only one of two or
 //! three columns. H5Part keeps its frames in groups `Step#0`, `Step#1`, …: then each of these is a frame.
 
+use std::collections::HashSet;
+
 use tyndall::{Error, Progress, Result};
 
 use super::columns::{self, Input, Run, Term};
@@ -66,10 +68,10 @@ pub(super) fn index(tree: &Tree, options: &Options) -> Result<(usize, String)> {
 
 /// The positions in a group or below it.
 fn find(tree: &Tree, group: &str, options: &Options) -> Result<Place> {
-    let mut places = Vec::new();
+    let (mut places, mut seen) = (Vec::new(), HashSet::new());
     let root =
         tree.group(group)?.ok_or_else(|| tree.fault(group, "the group is gone", "was the file changed?"))?;
-    collect(&root, 0, &mut places)?;
+    collect(&root, 0, &mut places, &mut seen)?;
     let names = || places.iter().take(20).map(Place::path).collect::<Vec<_>>().join(", ");
     if let Some(wanted) = &options.dataset {
         let wanted = wanted.trim_matches('/');
@@ -107,8 +109,16 @@ fn find(tree: &Tree, group: &str, options: &Options) -> Result<Place> {
     }
 }
 
-/// The candidates in a group and below it.
-fn collect(group: &Group, depth: usize, places: &mut Vec<Place>) -> Result<()> {
+/// The candidates in a group and below it, but for the groups that were seen.
+fn collect(
+    group: &Group,
+    depth: usize,
+    places: &mut Vec<Place>,
+    seen: &mut HashSet<(usize, u64)>,
+) -> Result<()> {
+    if !seen.insert(group.identity()) {
+        return Ok(());
+    }
     let names = group.datasets()?;
     for name in &names {
         let Ok(Some(data)) = group.dataset(name) else { continue };
@@ -128,7 +138,7 @@ fn collect(group: &Group, depth: usize, places: &mut Vec<Place>) -> Result<()> {
     if depth < DEPTH {
         for name in group.groups()? {
             if let Some(child) = group.group(&name)? {
-                collect(&child, depth + 1, places)?;
+                collect(&child, depth + 1, places, seen)?;
             }
         }
     }
@@ -159,7 +169,7 @@ pub(super) fn frame(tree: &Tree, number: usize, options: &Options, progress: &dy
         }
     };
 
-    let (mut columns, mut values) = (Vec::new(), Vec::new());
+    let (mut columns, mut values, mut warnings) = (Vec::new(), Vec::new(), Vec::new());
     let mut left_out = Vec::new();
     for name in group.datasets()?.into_iter().filter(|it| !names.contains(it)) {
         let data = dataset(&name)?;
@@ -172,9 +182,13 @@ pub(super) fn frame(tree: &Tree, number: usize, options: &Options, progress: &dy
             .into_iter()
             .find_map(|it| attributes.text(it))
             .filter(|it| !it.is_empty());
-        let rows = data.rows(&[])?;
-        columns.push(Column { unit, ..Column::new(name, rows.width) });
-        values.push(Input::Rows(rows));
+        match data.quantity(&[])? {
+            Ok(rows) => {
+                columns.push(Column { unit, ..Column::new(name, rows.width) });
+                values.push(Input::Rows(rows));
+            }
+            Err(why) => warnings.push(format!("left out: {name} ({why})")),
+        }
     }
     let flags = sections::flags(&columns, options.wanted.as_ref());
     let (columns, values) = (sections::flagged(columns, &flags), sections::flagged(values, &flags));
@@ -182,7 +196,8 @@ pub(super) fn frame(tree: &Tree, number: usize, options: &Options, progress: &dy
     let mut gathered = columns::gather(tree, &columns, &[run], None, tree.bytes(), progress)?;
     gathered.time = group.attributes()?.number("TimeValue").or(group.attributes()?.number("time"));
     let conventions = vec![format!("positions: data set {}", place.path())];
-    let warning = format!("left out: {} (no {count} rows of numbers)", left_out.join(", "));
-    let warnings = if left_out.is_empty() { Vec::new() } else { vec![warning] };
+    if !left_out.is_empty() {
+        warnings.push(format!("left out: {} (no {count} rows of numbers)", left_out.join(", ")));
+    }
     records::frame(gathered, conventions, warnings)
 }

@@ -112,6 +112,31 @@ fn a_filter_that_is_not_built_in_is_named_with_a_way_out() {
 }
 
 #[test]
+fn what_is_no_quantity_or_needs_another_filter_is_left_out() {
+    let frame = open("left_out.h5").frame(0, &()).unwrap();
+    let names: Vec<&str> = frame.particles.attributes().iter().map(|it| it.name.as_str()).collect();
+    assert_eq!((frame.particles.len(), &names[..]), (4, &["mass"][..]));
+    let warnings = frame.warnings.join("; ");
+    for part in ["nothing (0 numbers", "spectrum (5000 numbers", "packed (it needs HDF5 filter 32001 (Blosc)"]
+    {
+        assert!(warnings.contains(part), "{part}: {warnings}");
+    }
+}
+
+#[test]
+fn groups_that_hold_each_other_are_looked_into_once() {
+    let begin = std::time::Instant::now();
+    assert_eq!(open("circle.h5").frame(0, &()).unwrap().particles.len(), 2);
+    // Else the twelve links of each of eight levels are four hundred million groups.
+    assert!(begin.elapsed().as_secs() < 20);
+}
+
+#[test]
+fn linked_data_sets_are_measured_by_the_files_that_they_are_in() {
+    assert_eq!(open("linked.h5").frame(0, &()).unwrap().particles.len(), 100_000);
+}
+
+#[test]
 fn h5md_has_frames_fixed_and_varying_elements_and_a_box() {
     let sequence = open("fixed_and_varying.h5md");
     assert_eq!((sequence.len(), sequence.format()), (3, "H5MD"));

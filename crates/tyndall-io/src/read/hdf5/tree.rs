@@ -1,21 +1,22 @@
 //! Groups, attributes and data sets of an HDF5 file: all that the readers know of the crate hdf5-reader.
 //!
 //! Invariant: a data set is only given out as [`Rows`] if the file could hold it, that is if its size is within what the
-//! strongest filter could have made of the file's bytes. So a damaged extent asks for no memory.
+//! strongest filter could have made of the bytes of the file, and of those that its links led to. So a damaged extent asks for no memory.
 
+use std::collections::HashSet;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 use std::sync::{Arc, OnceLock};
 
 use hdf5_reader::error::Error as ReadError;
 use hdf5_reader::messages::datatype::Datatype;
-use hdf5_reader::{
-    Attribute, ByteOrder, Dataset, FilesystemExternalLinkResolver, Hdf5File, OpenOptions, SliceInfo,
-    SliceInfoElem,
-};
+use hdf5_reader::{Dataset, Hdf5File, OpenOptions, SliceInfo, SliceInfoElem};
 use tyndall::{Error, Result};
 
+use super::attributes::{Attributes, number_kind};
 use super::filters;
+use super::neighbors::Neighbors;
 use crate::read::content::{self, Content};
 use crate::read::map::Map;
 use crate::read::numbers::{Kind, Order};
@@ -27,12 +28,24 @@ pub(super) const NATIVE: Order = if cfg!(target_endian = "big") { Order::Big } e
 /// How many bytes deflate, the strongest common filter, can make of one.
 const STRONGEST: u64 = 1032;
 
+/// More numbers than this are no quantity of a particle.
+const MOST_WIDTH: u64 = 1 << 12;
+
+/// The most bytes that a data set in files of that size can have.
+fn most_bytes(file_bytes: u64) -> u64 {
+    file_bytes.saturating_mul(STRONGEST).saturating_add(1 << 16)
+}
+
 /// A file that is open.
 pub(super) struct Tree {
     file: Hdf5File,
     path: PathBuf,
     bytes: u64,
     content: Arc<Content>,
+    /// Bytes of the files that links led to.
+    linked_bytes: Arc<AtomicU64>,
+    /// Bytes of the largest chunk of all data sets so far.
+    chunk_bytes: Arc<AtomicU64>,
 }
 
 /// The content, for the library beside us.
@@ -47,15 +60,16 @@ impl AsRef<[u8]> for Shared {
 impl Tree {
     /// Opens the content `bytes` of `path`.
     pub(super) fn open(path: &Path, bytes: &[u8]) -> Result<Self> {
-        let folder = path.parent().filter(|it| !it.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        let (linked_bytes, chunk_bytes) = (Arc::<AtomicU64>::default(), Arc::<AtomicU64>::default());
+        let neighbors = Neighbors::of(path, Arc::clone(&linked_bytes), Arc::clone(&chunk_bytes));
         let options = OpenOptions::default()
-            .with_filter_registry(filters::registry())
-            .with_external_link_resolver(Arc::new(FilesystemExternalLinkResolver::new(folder)));
+            .with_filter_registry(filters::registry(Arc::clone(&chunk_bytes)))
+            .with_external_link_resolver(Arc::new(neighbors));
         let content = Arc::new(content::kept(path, bytes));
         let file = Hdf5File::from_owner(Shared(Arc::clone(&content)), options);
         let (path, bytes) = (path.to_path_buf(), bytes.len() as u64);
         let file = file.map_err(|error| fault(&path, "", &error))?;
-        Ok(Self { file, path, bytes, content })
+        Ok(Self { file, path, bytes, content, linked_bytes, chunk_bytes })
     }
 
     /// Its map, if it is mapped.
@@ -75,7 +89,7 @@ impl Tree {
     /// The group of all.
     pub(super) fn root(&self) -> Result<Group<'_>> {
         let group = self.file.root_group().map_err(|error| fault(&self.path, "/", &error))?;
-        Ok(Group { tree: self, group, path: String::new() })
+        Ok(Group { tree: self, group, path: String::new(), members: OnceLock::new() })
     }
 
     /// The group at `path`; `None` if there is none.
@@ -101,19 +115,29 @@ impl Tree {
     }
 }
 
+/// The filter that is not built in, if that is what the reader misses.
+fn missing_filter(error: &ReadError) -> Option<String> {
+    let ReadError::UnsupportedFilter(filter) = cause(error) else { return None };
+    let id = filter.split_whitespace().last().unwrap_or_default();
+    let name = filters::name(id).map_or(String::new(), |name| format!(" ({name})"));
+    Some(format!("HDF5 filter {id}{name}, which is not built in"))
+}
+
+/// The error without the places that it passed.
+fn cause(error: &ReadError) -> &ReadError {
+    match error {
+        ReadError::Context { source, .. } => cause(source),
+        cause => cause,
+    }
+}
+
 /// What the reader said, with a way out.
 fn fault(path: &Path, place: &str, error: &ReadError) -> Error {
-    let mut cause = error;
-    while let ReadError::Context { source, .. } = cause {
-        cause = source;
+    if let Some(filter) = missing_filter(error) {
+        let what = format!("the data need {filter}");
+        return Error::format(path, place, what, "take it off: h5repack -f NONE in.hdf5 out.hdf5");
     }
-    match cause {
-        ReadError::UnsupportedFilter(filter) => {
-            let id = filter.split_whitespace().last().unwrap_or_default();
-            let name = filters::name(id).map_or(String::new(), |name| format!(" ({name})"));
-            let what = format!("the data need HDF5 filter {id}{name}, which is not built in");
-            Error::format(path, place, what, "take it off: h5repack -f NONE in.hdf5 out.hdf5")
-        }
+    match cause(error) {
         ReadError::UnsupportedLayoutClass(3) => {
             let what = "the data set is virtual: its data are in other files";
             Error::format(
@@ -137,12 +161,26 @@ pub(super) struct Group<'a> {
     tree: &'a Tree,
     group: hdf5_reader::group::Group,
     path: String,
+    /// The names of what is in it, once they were asked for.
+    members: OnceLock<Members>,
+}
+
+/// The names of the groups and of the data sets in a group, in order, and for looking up.
+struct Members {
+    groups: Vec<String>,
+    datasets: Vec<String>,
+    known: [HashSet<String>; 2],
 }
 
 impl<'a> Group<'a> {
     /// Its path in the file; empty for the root.
     pub(super) fn path(&self) -> &str {
         &self.path
+    }
+
+    /// What tells it from every other group, by whatever path it was come to: links may lead in circles.
+    pub(super) fn identity(&self) -> (usize, u64) {
+        (std::ptr::from_ref(self.group.storage()).addr(), self.group.address())
     }
 
     fn child(&self, name: &str) -> String {
@@ -153,123 +191,55 @@ impl<'a> Group<'a> {
         fault(&self.tree.path, &self.path, error)
     }
 
-    /// The names of the groups and of the data sets in it.
-    fn names(&self) -> Result<(Vec<String>, Vec<String>)> {
-        self.group.member_names().map_err(|error| self.failed(&error))
+    fn members(&self) -> Result<&Members> {
+        if let Some(members) = self.members.get() {
+            return Ok(members);
+        }
+        let (groups, datasets) = self.group.member_names().map_err(|error| self.failed(&error))?;
+        let known = [&groups, &datasets].map(|names| names.iter().cloned().collect());
+        Ok(self.members.get_or_init(|| Members { groups, datasets, known }))
     }
 
     /// The names of the groups in it.
     pub(super) fn groups(&self) -> Result<Vec<String>> {
-        Ok(self.names()?.0)
+        Ok(self.members()?.groups.clone())
     }
 
     /// The names of the data sets in it.
     pub(super) fn datasets(&self) -> Result<Vec<String>> {
-        Ok(self.names()?.1)
+        Ok(self.members()?.datasets.clone())
     }
 
     /// A group in it; `None` if there is none of that name.
     pub(super) fn group(&self, name: &str) -> Result<Option<Group<'a>>> {
-        if !self.groups()?.iter().any(|it| it == name) {
+        if !self.members()?.known[0].contains(name) {
             return Ok(None);
         }
         let path = self.child(name);
         let group = self.group.group(name).map_err(|error| fault(&self.tree.path, &path, &error))?;
-        Ok(Some(Group { tree: self.tree, group, path }))
+        Ok(Some(Group { tree: self.tree, group, path, members: OnceLock::new() }))
     }
 
     /// A data set in it; `None` if there is none of that name.
     pub(super) fn dataset(&self, name: &str) -> Result<Option<Data>> {
-        if !self.datasets()?.iter().any(|it| it == name) {
+        if !self.members()?.known[1].contains(name) {
             return Ok(None);
         }
         let path = self.child(name);
         let dataset = self.group.dataset(name).map_err(|error| fault(&self.tree.path, &path, &error))?;
-        Ok(Some(Data { dataset, path, file: self.tree.path.clone(), file_bytes: self.tree.bytes }))
+        let element = dataset.raw_element_size().unwrap_or(0) as u64;
+        let chunk = dataset.chunks().unwrap_or_default();
+        let bytes = chunk.iter().fold(element, |bytes, &it| bytes.saturating_mul(it.into()));
+        let file_bytes = self.tree.bytes.saturating_add(self.tree.linked_bytes.load(Relaxed));
+        // A chunk of no file has more bytes than the strongest filter could make of all of it.
+        let most = most_bytes(file_bytes);
+        self.tree.chunk_bytes.fetch_max(bytes.min(most), Relaxed);
+        Ok(Some(Data { dataset, path, file: self.tree.path.clone(), file_bytes }))
     }
 
     /// Its attributes.
     pub(super) fn attributes(&self) -> Result<Attributes> {
         self.group.attributes().map(Attributes).map_err(|error| self.failed(&error))
-    }
-}
-
-/// The attributes of a group or data set.
-pub(super) struct Attributes(Vec<Attribute>);
-
-impl Attributes {
-    fn find(&self, name: &str) -> Option<&Attribute> {
-        self.0.iter().find(|it| it.name == name)
-    }
-
-    /// Whether there is an attribute of that name.
-    pub(super) fn has(&self, name: &str) -> bool {
-        self.find(name).is_some()
-    }
-
-    /// The numbers of an attribute; none if there is no such attribute, or if it has no numbers.
-    pub(super) fn numbers(&self, name: &str) -> Vec<f64> {
-        let Some(attribute) = self.find(name) else { return Vec::new() };
-        let Some((kind, order)) = number_kind(&attribute.datatype) else { return Vec::new() };
-        let count = attribute.num_elements().unwrap_or(0) as usize;
-        if count == 0 || attribute.raw_data.len() / kind.size() < count {
-            return Vec::new();
-        }
-        let bytes = &attribute.raw_data;
-        let source = Source { bytes, kind, order, start: 0, stride: kind.size(), step: 0 };
-        (0..count).map(|place| source.number(place)).collect()
-    }
-
-    /// The first number of an attribute.
-    pub(super) fn number(&self, name: &str) -> Option<f64> {
-        self.numbers(name).first().copied()
-    }
-
-    /// The words of an attribute; none if there is no such attribute, or if it has no words.
-    pub(super) fn texts(&self, name: &str) -> Vec<String> {
-        let Some(attribute) = self.find(name) else { return Vec::new() };
-        let texts = attribute.read_strings().or_else(|_| attribute.read_string().map(|it| vec![it]));
-        texts.unwrap_or_default().iter().map(|it| it.trim_matches(['\0', ' ', '\n']).to_string()).collect()
-    }
-
-    /// The first word of an attribute.
-    pub(super) fn text(&self, name: &str) -> Option<String> {
-        self.texts(name).into_iter().next()
-    }
-}
-
-/// The kind of the numbers of a type, and their order of bytes. Truth values and other enumerations are the numbers they stand for.
-fn number_kind(datatype: &Datatype) -> Option<(Kind, Order)> {
-    let order = |order: &ByteOrder| match order {
-        ByteOrder::LittleEndian => Order::Little,
-        ByteOrder::BigEndian => Order::Big,
-    };
-    match datatype {
-        Datatype::FixedPoint { size, signed, byte_order } => {
-            let kind = match (size, signed) {
-                (1, true) => Kind::I8,
-                (1, false) => Kind::U8,
-                (2, true) => Kind::I16,
-                (2, false) => Kind::U16,
-                (4, true) => Kind::I32,
-                (4, false) => Kind::U32,
-                (8, true) => Kind::I64,
-                (8, false) => Kind::U64,
-                _ => return None,
-            };
-            Some((kind, order(byte_order)))
-        }
-        Datatype::FloatingPoint { size, byte_order } => {
-            let kind = match size {
-                2 => Kind::F16,
-                4 => Kind::F32,
-                8 => Kind::F64,
-                _ => return None,
-            };
-            Some((kind, order(byte_order)))
-        }
-        Datatype::Enum { base, .. } => number_kind(base),
-        _ => None,
     }
 }
 
@@ -297,7 +267,7 @@ impl Data {
         number_kind(self.dataset.dtype()).is_some()
     }
 
-    /// Bytes of the file, unpacked: more rows than these it cannot hold.
+    /// Bytes of the file and of those that links led to: more rows than these they cannot hold.
     pub(super) fn file_bytes(&self) -> u64 {
         self.file_bytes
     }
@@ -330,10 +300,29 @@ impl Data {
     /// Its number, if it is a single one.
     pub(super) fn number(&self) -> Result<Option<f64>> {
         let Some((kind, _)) = number_kind(self.dataset.dtype()) else { return Ok(None) };
+        if self.dataset.num_elements().is_ok_and(|count| count > 64) {
+            return Ok(None);
+        }
         let bytes =
             self.dataset.read_native_bytes().map_err(|error| fault(&self.file, &self.path, &error))?;
         let source = Source { bytes: &bytes, kind, order: NATIVE, start: 0, stride: 0, step: 0 };
         Ok((bytes.len() >= kind.size()).then(|| source.number(0)))
+    }
+
+    /// Its rows as those of a quantity of particles, beside their positions; or why it is to be left out, where its rows are no quantity or
+    /// need a filter that is not built in.
+    pub(super) fn quantity(self, lead: &[u64]) -> Result<std::result::Result<Rows, String>> {
+        let width: u64 =
+            self.shape().iter().skip(lead.len() + 1).fold(1, |width, &it| width.saturating_mul(it));
+        if width == 0 || width > MOST_WIDTH {
+            return Ok(Err(format!("{width} numbers a row")));
+        }
+        let rows = self.rows(lead)?;
+        let first = rows.decode(0..rows.count.min(1));
+        Ok(match first.err().and_then(|error| missing_filter(&error)) {
+            Some(filter) => Err(format!("it needs {filter}")),
+            None => Ok(rows),
+        })
     }
 
     /// Its rows, `lead` being indices of the dimensions before that of the particles. Fails if the file cannot hold them, or if
@@ -351,9 +340,10 @@ impl Data {
         let count = shape[lead.len()];
         let width = shape[lead.len() + 1..].iter().try_fold(1u64, |product, &size| product.checked_mul(size));
         let bytes = width.and_then(|it| it.checked_mul(count)?.checked_mul(kind.size() as u64));
-        let most = self.file_bytes.saturating_mul(STRONGEST).saturating_add(1 << 16);
-        let fits = bytes.is_some_and(|bytes| bytes <= most)
-            && width.is_some_and(|width| width > 0 && width <= 1 << 12);
+        let fits = bytes.is_some_and(|bytes| bytes <= most_bytes(self.file_bytes));
+        if width.is_some_and(|width| width == 0 || width > MOST_WIDTH) {
+            return Err(fault(format!("an extent of {shape:?} is not 1 to {MOST_WIDTH} numbers a row")));
+        }
         if !fits {
             let what =
                 format!("an extent of {shape:?} is more than a file of {} bytes can hold", self.file_bytes);
@@ -402,9 +392,13 @@ impl Rows {
 
     /// Some of its rows: their numbers in this machine's order of bytes.
     pub(super) fn read(&self, rows: Range<usize>) -> Result<Vec<u8>> {
+        self.decode(rows).map_err(|error| fault(&self.file, &self.path, &error))
+    }
+
+    fn decode(&self, rows: Range<usize>) -> std::result::Result<Vec<u8>, ReadError> {
         let is_plain =
             matches!(self.dataset.dtype(), Datatype::FixedPoint { .. } | Datatype::FloatingPoint { .. });
-        let bytes = match self.kind {
+        match self.kind {
             _ if rows.is_empty() => Ok(Vec::new()),
             _ if !is_plain => self.cut(rows),
             Kind::F16 => self.cut(rows),
@@ -418,8 +412,7 @@ impl Rows {
             Kind::U64 => self.slice::<u64>(rows),
             Kind::F32 => self.slice::<f32>(rows),
             Kind::F64 => self.slice::<f64>(rows),
-        };
-        bytes.map_err(|error| fault(&self.file, &self.path, &error))
+        }
     }
 
     fn slice<T: hdf5_reader::H5Type + bytemuck::NoUninit>(

@@ -82,9 +82,10 @@ pub(super) fn pieces(path: &Path, document: &Document) -> Result<Option<Vec<Path
     Ok(Some(nodes.iter().filter_map(|it| it.get(attribute)).map(|it| beside(path, it)).collect()))
 }
 
-/// A file that is named within `path`.
+/// A file that is named within `path`. No file has control characters in its name, but damage brings them in.
 fn beside(path: &Path, name: &str) -> PathBuf {
-    let name = if cfg!(unix) { name.replace('\\', "/") } else { name.to_string() };
+    let name = name.replace(char::is_control, "\u{fffd}");
+    let name = if cfg!(unix) { name.replace('\\', "/") } else { name };
     path.parent().unwrap_or(Path::new("")).join(name)
 }
 

@@ -117,6 +117,33 @@ def filters():
         file.create_dataset("Coordinates", data=positions, **hdf5plugin.Blosc())
 
 
+def left_out():
+    """Quantities that cannot be read, which are no reason to refuse the positions."""
+    with h5py.File("left_out.h5", "w") as file:
+        file["Coordinates"] = np.arange(12, dtype="f4").reshape(4, 3)
+        file.create_dataset("packed", data=np.zeros((4, 512)), chunks=(4, 512), **hdf5plugin.Blosc())
+        file["nothing"] = np.zeros((4, 0))
+        file.create_dataset("spectrum", (4, 5000), dtype="f4")
+        file["mass"] = np.arange(4.0)
+
+
+def linked():
+    """Positions in another file, more than this one could hold in any packing."""
+    with h5py.File("linked_to.h5", "w") as file:
+        file.create_dataset("points", data=np.zeros((100_000, 3)), chunks=(20_000, 3), compression="gzip")
+    with h5py.File("linked.h5", "w", libver="latest") as file:
+        file["Coordinates"] = h5py.ExternalLink("linked_to.h5", "/points")
+
+
+def circle():
+    """A group that has itself as a member under twelve names, and the positions."""
+    with h5py.File("circle.h5", "w") as file:
+        group = file.create_group("a")
+        for number in range(12):
+            group[f"b{number}"] = group
+        group["points"] = np.arange(6.0).reshape(2, 3)
+
+
 def h5md():
     """Two particles in three frames, velocities in every second, species fixed and named, a growing box."""
     with h5py.File("fixed_and_varying.h5md", "w") as file:
@@ -204,6 +231,9 @@ for number in [0, 1]:
     gadget(number)
 virtual()
 filters()
+left_out()
+linked()
+circle()
 h5md()
 openpmd()
 plain()

@@ -15,9 +15,9 @@ pub(crate) struct Estimate {
     /// Probability that a ray meets a particle up to there, C.
     pub(crate) confidence: f32,
     /// Number k of the next sample.
-    pub(super) next: u32,
+    pub(crate) next: u32,
     /// Different particles that the samples so far are expected to have met, E(n(k-1)).
-    pub(super) unique: f32,
+    pub(crate) unique: f32,
 }
 
 impl Estimate {
@@ -31,7 +31,7 @@ impl Estimate {
     }
 
     /// Adds a sample in front of the depth (equations 5.1 and 5.4).
-    pub(super) fn accumulate(&mut self, share: f32, population: f32) {
+    pub(crate) fn accumulate(&mut self, share: f32, population: f32) {
         let unique = expected_unique(population, self.next);
         // Where the population shrank by a cut, fewer are expected than before: then there is nothing new.
         let new = (unique - self.unique).max(0.0);
@@ -90,6 +90,12 @@ const NORMAL_LIMIT: f32 = 5.0;
 impl Accumulator {
     pub(crate) fn new(sample_budget: u32, population: Population) -> Self {
         Self { integral: GaussianIntegral::new(NORMAL_LIMIT), sample_budget, population }
+    }
+
+    /// The integral from which the acceptance probability is taken.
+    #[cfg(feature = "gpu")]
+    pub(crate) fn integral(&self) -> &GaussianIntegral {
+        &self.integral
     }
 
     /// The particles that samples up to `depth` are drawn from, N; at least the one that asks.
@@ -173,7 +179,7 @@ impl Accumulator {
 
 /// Samples that it takes to reach a confidence above `wanted` with particles of that `share`, drawn from `population`: equations 5.1
 /// and 5.4 solved for k. None if no number of samples does.
-pub(super) fn samples_needed(wanted: f32, share: f32, population: f32) -> Option<u32> {
+pub(crate) fn samples_needed(wanted: f32, share: f32, population: f32) -> Option<u32> {
     if wanted < share {
         return Some(1);
     }

@@ -1,7 +1,7 @@
 //! The integral of the Gaussian from a table, for the shares of a particle in voxels and for the acceptance probability.
 
 /// Steps of the table.
-const STEPS: usize = 512;
+pub(crate) const STEPS: usize = 512;
 
 /// Integral of the standard normal density over [-limit, z], divided by that over [-limit, limit].
 pub(crate) struct GaussianIntegral {
@@ -23,6 +23,18 @@ impl GaussianIntegral {
         }
         let total = sums[STEPS];
         Self { limit, values: sums.map(|sum| (sum / total) as f32) }
+    }
+
+    /// Where the table ends, in standard deviations.
+    #[cfg(feature = "gpu")]
+    pub(crate) fn limit(&self) -> f32 {
+        self.limit
+    }
+
+    /// The table: its values at even steps from one end to the other.
+    #[cfg(feature = "gpu")]
+    pub(crate) fn values(&self) -> &[f32; STEPS + 1] {
+        &self.values
     }
 
     /// Its value at `z`: 0 below -limit, 1 above limit, linear between the table's entries.

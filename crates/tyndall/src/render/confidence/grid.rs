@@ -167,6 +167,18 @@ impl DensityGrid {
         &self.bounds
     }
 
+    /// Counts by voxel, x fastest.
+    #[cfg(feature = "gpu")]
+    pub(crate) fn counts(&self) -> &[u32] {
+        &self.counts
+    }
+
+    /// What one of a voxel's count stands for, in particles.
+    #[cfg(feature = "gpu")]
+    pub(crate) fn unit(&self) -> f32 {
+        self.unit
+    }
+
     /// Edges of a voxel.
     pub(crate) fn edge(&self) -> Vec3 {
         self.edge

@@ -16,7 +16,13 @@ mod tests;
 use crate::error::{Error, Result};
 
 pub(crate) use accumulate::{Accumulator, Pixel};
+#[cfg(all(test, feature = "gpu"))]
+pub(crate) use accumulate::{Estimate, covered, expected_unique, samples_needed};
+#[cfg(all(test, feature = "gpu"))]
+pub(crate) use footprint::population;
 pub(crate) use footprint::share;
+#[cfg(feature = "gpu")]
+pub(crate) use gaussian::STEPS as GAUSSIAN_STEPS;
 pub(crate) use grid::DensityGrid;
 pub(crate) use histogram::Histogram;
 pub(crate) use neighborhood::Map;

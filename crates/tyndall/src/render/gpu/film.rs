@@ -87,6 +87,11 @@ impl Film {
         gpu.write(&self.pass, 0, bytemuck::bytes_of(pass));
     }
 
+    /// Tiles that the first walk has laid aside.
+    pub(super) fn aside(&self) -> &wgpu::Buffer {
+        &self.aside
+    }
+
     /// How many rows a band can have at most. Fails with [`Error::Memory`] if the card has no room for the hits of the fewest.
     pub(super) fn band_rows(&self, gpu: &Gpu, samples: u32) -> Result<u32> {
         let row_bytes = HIT_BYTES * u64::from(self.width) * u64::from(samples);
@@ -134,7 +139,7 @@ impl Film {
             let mut pass = begin(&mut encoder, timer, 0);
             pass.set_bind_group(0, &group, &[]);
             pass.set_bind_group(1, resident.group(), &[]);
-            pass.set_bind_group(2, &self.aside_groups[0], &[]);
+            pass.set_bind_group(2, kernels.beside.as_ref().unwrap_or(&self.aside_groups[0]), &[]);
             pass.set_pipeline(&kernels.find_hits);
             // A tile has all its samples; of single rays a thread has one.
             let samples = if resident.shape().walked.has_tiles() { 1 } else { kernels.samples };

@@ -1,5 +1,6 @@
 //! The card as a device that keeps the pictures of a scene: the scene stays there, and what changes in it is sent alone.
 
+use super::shader::Walk;
 use super::{Gpu, Pace, Picture, Resident, Seen};
 use crate::error::Result;
 use crate::film::Image;
@@ -46,7 +47,7 @@ impl Backend for Films {
                 slot.insert(Picture::new(resident, shot.size, Pace::Prompt)?)
             }
         };
-        picture.pass(&Seen { resident, scene, view: shot.view }, &shot.added, progress)
+        picture.pass(&Seen { resident, scene, view: shot.view }, &shot.added, Walk::First, progress)
     }
 
     fn film(&mut self, scene: &Scene, picture: usize, image: &mut Image) -> Result<()> {

@@ -3,6 +3,7 @@
 use bytemuck::{Pod, Zeroable};
 
 use crate::math::Ray;
+use crate::render::confidence::GAUSSIAN_STEPS;
 use crate::scene::camera;
 
 /// The camera: `View` in camera.wgsl.
@@ -118,6 +119,66 @@ impl RayRecord {
             t_max: ray.t_max.min(f32::MAX),
         }
     }
+}
+
+/// What a sample of a pixel has led to: `Estimate` in culling.wgsl.
+#[derive(Clone, Copy, Debug, Pod, Zeroable, PartialEq)]
+#[repr(C)]
+pub(super) struct Estimate {
+    pub(super) depth: f32,
+    pub(super) confidence: f32,
+    pub(super) next: u32,
+    pub(super) unique: f32,
+}
+
+/// What a pixel knows: `Pixel` in culling.wgsl.
+#[derive(Clone, Copy, Debug, Pod, Zeroable, PartialEq)]
+#[repr(C)]
+pub(super) struct Pixel {
+    pub(super) accumulation: Estimate,
+    pub(super) cull: Estimate,
+    pub(super) clip: f32,
+    pub(super) unchanged: u32,
+}
+
+/// Vectors of the table of the Gaussian's integral.
+pub(super) const NORMAL_VECTORS: usize = (GAUSSIAN_STEPS + 1).div_ceil(4);
+
+/// What all pixels of culling by confidence have in common: `Culling` in culling.wgsl.
+#[derive(Clone, Copy, Debug, Pod, Zeroable, PartialEq)]
+#[repr(C)]
+pub(super) struct Culling {
+    pub(super) low: [f32; 3],
+    pub(super) unit: f32,
+    pub(super) high: [f32; 3],
+    pub(super) radius: f32,
+    pub(super) edge: [f32; 3],
+    pub(super) radius_sq: f32,
+    pub(super) inv_edge: [f32; 3],
+    pub(super) stride: u32,
+    pub(super) voxels: [u32; 3],
+    pub(super) first: u32,
+    pub(super) samples: u32,
+    pub(super) seed: u32,
+    pub(super) is_new: u32,
+    pub(super) convergence_samples: u32,
+    pub(super) sample_budget: u32,
+    pub(super) occlusion_confidence: f32,
+    pub(super) depth_quantization: u32,
+    pub(super) trilinear: u32,
+    pub(super) up_to_depth: u32,
+    pub(super) kernel: u32,
+    pub(super) level: u32,
+    pub(super) normal_limit: f32,
+    pub(super) normal: [[f32; 4]; NORMAL_VECTORS],
+}
+
+/// Sizes of two levels of the pyramid of confidences: `Level` in neighborhood.wgsl.
+#[derive(Clone, Copy, Debug, Pod, Zeroable, PartialEq)]
+#[repr(C)]
+pub(super) struct Level {
+    pub(super) from_size: [u32; 2],
+    pub(super) to_size: [u32; 2],
 }
 
 /// The node of what has met nothing: `NONE` in math.wgsl.

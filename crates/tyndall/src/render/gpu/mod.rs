@@ -5,6 +5,7 @@
 //! for what is read back. The kernels do not check their input: the builder of the hierarchy has written it.
 
 mod build;
+mod confidence;
 mod device;
 mod film;
 mod films;
@@ -14,12 +15,15 @@ mod resident;
 mod shader;
 #[cfg(test)]
 mod tests;
+mod visible;
 
 use std::time::{Duration, Instant};
 
-use super::Settings;
+use super::certified::Counts;
+use super::confidence::Report;
 use super::sampling::{Nearness, PATTERN, Samples};
 use super::shade::{key_radiance, light_sample, sky_radiance};
+use super::{Culling, Settings};
 use crate::error::{Error, Result};
 use crate::film::Image;
 use crate::progress::Progress;
@@ -29,12 +33,14 @@ use crate::scene::light::Lighting;
 pub use build::Hierarchy;
 #[cfg(test)]
 pub(crate) use build::order_of;
+use confidence::Confidence;
 pub use device::{AdapterInfo, Gpu, Kind, Options, adapters};
 use film::Film;
 pub(super) use films::Films;
 pub use resident::Resident;
 pub use shader::{HeapWalk, Tiling, Tilings};
 use shader::{Sampling, Walk};
+use visible::VisibleSet;
 
 /// What a band of a picture should take at most, so that a display on the same card stays alive.
 const BAND: Duration = Duration::from_millis(50);
@@ -47,6 +53,8 @@ const BAND_ROWS: u32 = 16;
 #[derive(Clone)]
 struct Kernels {
     find_hits: wgpu::ComputePipeline,
+    /// What culling has to say, in the place where else only tiles are laid aside.
+    beside: Option<wgpu::BindGroup>,
     /// Goes on with tiles that were laid aside, if any are.
     go_on: Option<wgpu::ComputePipeline>,
     /// None where only hits are asked for.
@@ -98,15 +106,27 @@ struct Picture {
     tilings: Option<Tilings>,
     /// Samples that every pixel has.
     samples: u32,
-    /// What the bands of the pass that is under way have in common, with the row that comes next, and the samples that it adds.
-    under_way: Option<(layout::Pass, u32)>,
+    under_way: Option<UnderWay>,
+    culling: Option<Confidence>,
+    /// With certified culling, where several passes are alike.
+    visible: Option<VisibleSet>,
     nearness: Nearness,
-    /// Kernels that were made, for which sampling and which light.
-    made: Vec<(Kernels, Sampling, &'static str)>,
+    /// Kernels that were made, for which sampling, light and walk.
+    made: Vec<(Kernels, Sampling, &'static str, Walk)>,
     /// Rows that the next band takes.
     rows: u32,
     /// The last pass that was submitted as a whole, and when.
     submitted: Option<(wgpu::SubmissionIndex, Instant)>,
+}
+
+/// A pass that is under way.
+struct UnderWay {
+    /// What its bands have in common, with the row that comes next.
+    record: layout::Pass,
+    kernels: Kernels,
+    walk: Walk,
+    /// Rows that a band can have at most.
+    most_rows: u32,
 }
 
 impl Picture {
@@ -119,6 +139,8 @@ impl Picture {
             tilings: None,
             samples: 0,
             under_way: None,
+            culling: None,
+            visible: None,
             nearness: Nearness::NONE,
             made: Vec::new(),
             rows: BAND_ROWS,
@@ -131,23 +153,67 @@ impl Picture {
         (self.samples, self.under_way, self.nearness) = (0, None, Nearness::NONE);
     }
 
+    /// Forgets what was learned of the view, too.
+    fn restart(&mut self) {
+        self.clear();
+        if let Some(culling) = &mut self.culling {
+            culling.restart();
+        }
+        if let Some(visible) = &mut self.visible {
+            visible.restart();
+        }
+    }
+
     /// Submits samples of every pixel, those that come after the ones it has. Fails when interrupted; begun again, it goes on with the rows
     /// that are left.
-    fn pass(&mut self, seen: &Seen, added: &Samples, progress: &dyn Progress) -> Result<()> {
-        let kernels = self.kernels(seen, added.count, progress)?;
+    fn pass(&mut self, seen: &Seen, added: &Samples, walk: Walk, progress: &dyn Progress) -> Result<()> {
+        let gpu = seen.resident.gpu();
         if self.under_way.is_none() {
-            self.under_way = Some((self.record(seen, added), added.count));
-            self.film.set_samples(seen.resident.gpu(), added);
+            let mut kernels = self.kernels(seen, added.count, walk, progress)?;
+            self.film.set_samples(gpu, added);
+            let mut most_rows = self.film.band_rows(gpu, added.count)?;
+            if let Some(culling) = &mut self.culling {
+                most_rows = most_rows.min(culling.band_rows(gpu, BAND_ROWS)?);
+                kernels.beside = Some(culling.begin(gpu, added, most_rows)?);
+            }
+            if let Some(visible) = self.visible.as_ref().filter(|_| walk != Walk::First) {
+                kernels.beside = Some(visible.group().clone());
+            }
+            let record = self.record(seen, added);
+            self.under_way = Some(UnderWay { record, kernels, walk, most_rows });
         }
-        self.bands(seen, &kernels, progress)?;
+        self.bands(seen, progress)?;
         self.samples += added.count;
-        self.under_way = None;
+        let walk = self.under_way.take().map_or(walk, |it| it.walk);
+        if let Some(visible) = self.visible.as_mut().filter(|_| walk != Walk::First) {
+            visible.used();
+        }
+        if let Some(culling) = &mut self.culling {
+            culling.decide(gpu, progress)?;
+        }
         Ok(())
+    }
+
+    /// With what the tiles of a pass begin that certified culling helps: the first pass notes the visible set for those that are alike.
+    /// `next` are the samples of the pass after it.
+    fn walk(&mut self, seen: &Seen, added: &Samples, next: Option<&Samples>) -> Result<Walk> {
+        let own = self.sampling(seen, added.count).tilings.first;
+        let serves = next.is_some_and(|next| self.sampling(seen, next.count).tilings.first == own);
+        if added.first == 0 && serves && self.visible.is_none() {
+            self.visible = VisibleSet::new(seen.resident, &self.film, self.size, own)?;
+        }
+        let visible = self.visible.as_ref().filter(|visible| visible.is_of(own));
+        Ok(match visible {
+            Some(visible) if visible.is_noted() => Walk::Again,
+            Some(_) if added.first == 0 && serves => Walk::Noting,
+            _ => Walk::First,
+        })
     }
 
     /// Waits, and draws the samples so far over `image`, which has its size; pixels without samples stay as they are.
     fn draw_over(&self, gpu: &Gpu, scene: &Scene, image: &mut Image) -> Result<()> {
-        let (row, added) = self.under_way.as_ref().map_or((0, 0), |(pass, added)| (pass.first_row, *added));
+        let (row, added) =
+            self.under_way.as_ref().map_or((0, 0), |it| (it.record.first_row, it.kernels.samples));
         self.film.draw_over(gpu, scene, 0..row, self.samples + added, image)?;
         self.film.draw_over(gpu, scene, row..self.size[1], self.samples, image)
     }
@@ -170,19 +236,22 @@ impl Picture {
     }
 
     fn sampling(&self, seen: &Seen, samples: u32) -> Sampling {
-        let tilings = self.tilings.unwrap_or_else(|| Tilings::of(samples, seen.scene.structure().len()));
+        let mut tilings = self.tilings.unwrap_or_else(|| Tilings::of(samples, seen.scene.structure().len()));
+        if self.culling.is_some() {
+            tilings.first.tile = [confidence::GROUP_EDGE; 2];
+        }
         Sampling { samples, perspective: seen.view.perspective, tilings }
     }
 
-    fn kernels(&mut self, seen: &Seen, samples: u32, progress: &dyn Progress) -> Result<Kernels> {
+    fn kernels(&mut self, seen: &Seen, samples: u32, walk: Walk, progress: &dyn Progress) -> Result<Kernels> {
         let sampling = self.sampling(seen, samples);
         let light = match seen.scene.lighting {
             Lighting::Studio(..) => "shade_studio",
             Lighting::Headlight | Lighting::Flat => "shade_open",
         };
         // Texts are long: those of a picture are not put together for every pass.
-        let is_made = |(kernels, of, with): &&(Kernels, Sampling, &str)| {
-            kernels.samples == samples && *of == sampling && *with == light
+        let is_made = |(kernels, of, with, walked): &&(Kernels, Sampling, &str, Walk)| {
+            kernels.samples == samples && *of == sampling && *with == light && *walked == walk
         };
         if let Some((kernels, ..)) = self.made.iter().find(is_made) {
             return Ok(kernels.clone());
@@ -191,18 +260,26 @@ impl Picture {
         let (shape, gpu) = (resident.shape(), resident.gpu());
         let [first, second] = resident.walk_layouts();
         let mut go_on = None;
-        if sampling.tilings.patience > 0 && shape.walked.has_tiles() {
+        if sampling.tilings.patience > 0 && shape.walked.has_tiles() && self.culling.is_none() {
             let text = shape.tiles(sampling, Walk::Second);
             go_on = Some(gpu.pipeline(text, "find_hits", second, progress)?);
         }
+        let find_hits = match (&self.culling, &self.visible) {
+            (Some(culling), _) => culling.pipeline(resident, sampling, progress)?,
+            (None, Some(visible)) if walk != Walk::First => {
+                gpu.pipeline(shape.tiles(sampling, walk), "find_hits", visible.layout(), progress)?
+            }
+            _ => gpu.pipeline(shape.hits(sampling), "find_hits", first, progress)?,
+        };
         let kernels = Kernels {
-            find_hits: gpu.pipeline(shape.hits(sampling), "find_hits", first, progress)?,
+            find_hits,
+            beside: None,
             go_on,
             shade: Some(gpu.pipeline(shape.shade(sampling), light, resident.pass_layout(), progress)?),
             samples,
             tilings: sampling.tilings,
         };
-        self.made.push((kernels.clone(), sampling, light));
+        self.made.push((kernels.clone(), sampling, light, walk));
         Ok(kernels)
     }
 
@@ -239,24 +316,25 @@ impl Picture {
 
     /// Submits what is left of the pass in bands. How long one takes decides how high the next ones are; at a steady pace a pass that fits in
     /// one does not wait.
-    fn bands(&mut self, seen: &Seen, kernels: &Kernels, progress: &dyn Progress) -> Result<()> {
+    fn bands(&mut self, seen: &Seen, progress: &dyn Progress) -> Result<()> {
         let [width, height] = self.size;
         let gpu = seen.resident.gpu();
-        let most_rows = self.film.band_rows(gpu, kernels.samples)?;
         let (band, always_waits) = match self.pace {
             Pace::Steady => (BAND, false),
             Pace::Prompt => (PROMPT_BAND, true),
         };
         let lower = |rows: u32| (rows / 2).next_multiple_of(BAND_ROWS).max(BAND_ROWS);
-        while let Some((pass, _)) = self.under_way.as_mut().filter(|(pass, _)| pass.first_row < height) {
+        while let Some(UnderWay { record, kernels, most_rows, .. }) =
+            self.under_way.as_mut().filter(|it| it.record.first_row < height)
+        {
             if progress.cancelled() {
                 return Err(Error::Interrupted);
             }
-            let rows = self.rows.min(most_rows).min(height - pass.first_row);
-            self.film.set_pass(gpu, pass);
+            let rows = self.rows.min(*most_rows).min(height - record.first_row);
+            self.film.set_pass(gpu, record);
             let start = Instant::now();
             let submitted = self.film.submit_band(gpu, seen.resident, kernels, rows, None)?;
-            pass.first_row += rows;
+            record.first_row += rows;
             if rows < height || always_waits {
                 gpu.wait(submitted)?;
                 let time = start.elapsed();
@@ -297,7 +375,20 @@ impl<'a> Renderer<'a> {
         settings.check()?;
         let Settings { width, height, .. } = *settings;
         let view = camera.view(scene.structure().origin(), width, height)?;
-        let picture = Picture::new(resident, [width, height], Pace::Steady)?;
+        let mut picture = Picture::new(resident, [width, height], Pace::Steady)?;
+        if let Culling::Confidence(options) = settings.culling {
+            let shape = resident.shape();
+            if !shape.walked.has_tiles() {
+                let allowed = "bvh with --culling confidence on the GPU; the others are for --device cpu";
+                return Err(Error::setting("--structure", "another", allowed));
+            }
+            if shape.hides {
+                let allowed = "off or certified where particles are hidden on the GPU; or --device cpu";
+                return Err(Error::setting("--culling", "confidence", allowed));
+            }
+            let grid = resident.grid(scene.structure(), options.voxel_count, &())?;
+            picture.culling = Some(Confidence::new(resident, grid, [width, height], options)?);
+        }
         Ok(Self { seen: Seen { resident, scene, view }, settings: *settings, picture })
     }
 
@@ -316,18 +407,71 @@ impl<'a> Renderer<'a> {
     pub fn restart(&mut self, camera: &Camera) -> Result<()> {
         let Settings { width, height, .. } = self.settings;
         self.seen.view = camera.view(self.seen.scene.structure().origin(), width, height)?;
-        self.picture.clear();
+        self.picture.restart();
         Ok(())
     }
 
-    /// Submits up to sixteen samples of every pixel. Fails when interrupted, and with what went wrong on the card before; after an
-    /// interruption the next pass goes on with the rows that are left.
-    pub fn pass(&mut self, progress: &dyn Progress) -> Result<()> {
-        let Settings { samples, seed, .. } = self.settings;
-        match Samples::after(self.picture.samples, samples, seed) {
-            Some(added) => self.picture.pass(&self.seen, &added, progress),
-            None => Ok(()),
+    /// Waits, and tells what certified culling saved since the picture was begun: leaves that passes knew of before they began. The card seeks
+    /// no other proofs.
+    pub fn counts(&self) -> Result<Counts> {
+        let remembered_leaves = match &self.picture.visible {
+            Some(visible) => visible.remembered_leaves(self.seen.resident.gpu())?,
+            None => 0,
+        };
+        Ok(Counts { remembered_leaves, ..Counts::default() })
+    }
+
+    /// Takes what culling by confidence has learned of this view for final, and starts the picture anew.
+    pub fn settle(&mut self) {
+        self.picture.clear();
+        if let Some(culling) = &mut self.picture.culling {
+            culling.settle();
         }
+    }
+
+    /// Waits, and tells how far culling by confidence is; none with any other.
+    pub fn confidence(&self) -> Result<Option<Report>> {
+        let gpu = self.seen.resident.gpu();
+        self.picture.culling.as_ref().map(|culling| culling.report(gpu)).transpose()
+    }
+
+    /// Submits up to sixteen samples of every pixel, with culling by confidence those of a frame. Fails when interrupted, and with what went
+    /// wrong on the card before; after an interruption the next pass goes on with the rows that are left.
+    pub fn pass(&mut self, progress: &dyn Progress) -> Result<()> {
+        let Some(added) = self.samples_after(self.picture.samples) else {
+            return Ok(());
+        };
+        let walk = self.walk(&added)?;
+        self.picture.pass(&self.seen, &added, walk, progress)
+    }
+
+    /// With what the tiles of a pass begin. What is hidden is not looked for in the visible set.
+    fn walk(&mut self, added: &Samples) -> Result<Walk> {
+        let shape = self.seen.resident.shape();
+        if !self.settings.culling.certified().visible_set || !shape.walked.has_tiles() || shape.hides {
+            return Ok(Walk::First);
+        }
+        let next = self.samples_after(added.first + added.count);
+        self.picture.walk(&self.seen, added, next.as_ref())
+    }
+
+    /// The samples that come after the first `done`, if any are missing.
+    fn samples_after(&self, done: u32) -> Option<Samples> {
+        let Settings { samples, seed, .. } = self.settings;
+        let at_once = self.picture.culling.as_ref().map_or(u32::MAX, Confidence::frame_samples);
+        Samples::after(done, samples, seed).map(|added| added.at_most(at_once))
+    }
+
+    /// Submits all samples that are missing. Fails as [`Renderer::pass`] does.
+    pub fn complete(&mut self, progress: &dyn Progress) -> Result<()> {
+        self.prepare(progress)?;
+        let Settings { width, height, samples, .. } = self.settings;
+        let samples = u64::from(samples - self.picture.samples);
+        progress.begin("render", Some(u64::from(width) * u64::from(height) * samples), "samples");
+        while !self.is_done() {
+            self.pass(progress)?;
+        }
+        Ok(())
     }
 
     /// Waits until all that was submitted is done, and tells what went wrong.
@@ -356,17 +500,18 @@ impl<'a> Renderer<'a> {
     }
 
     /// Submits the first pass as one piece, waits, and gives the seconds that the card took by its own clock: to find what samples
-    /// meet, and to light it. None if it has no clock, or if one piece is too much for it.
+    /// meet, and to light it. None if it has no clock, if one piece is too much for it, or with culling by confidence, which learns from all
+    /// passes.
     pub fn time_pass(&mut self, progress: &dyn Progress) -> Result<Option<[f64; 2]>> {
         let Settings { samples, seed, height, .. } = self.settings;
         let gpu = self.seen.resident.gpu();
         let (Some(added), Some(timer)) = (Samples::after(0, samples, seed), film::Timer::new(gpu)?) else {
             return Ok(None);
         };
-        if self.picture.film.band_rows(gpu, added.count)? < height {
+        if self.picture.culling.is_some() || self.picture.film.band_rows(gpu, added.count)? < height {
             return Ok(None);
         }
-        let kernels = self.picture.kernels(&self.seen, added.count, progress)?;
+        let kernels = self.picture.kernels(&self.seen, added.count, Walk::First, progress)?;
         self.picture.one_band(&self.seen, &added, &kernels, Some(&timer))?;
         self.picture.samples = added.count;
         timer.secs(gpu).map(Some)
@@ -375,22 +520,48 @@ impl<'a> Renderer<'a> {
     /// What the walk of the first pass does: counts of all tiles if none is laid aside. None if one band is too little for it, or if the
     /// structure is walked by single rays.
     pub fn count_work(&mut self, progress: &dyn Progress) -> Result<Option<Work>> {
-        let Settings { width, height, samples, seed, .. } = self.settings;
-        let Seen { resident, .. } = self.seen;
-        let gpu = resident.gpu();
-        let Some(added) = Samples::after(0, samples, seed) else {
-            return Ok(None);
-        };
-        let shape = resident.shape();
-        if !shape.walked.has_tiles() || self.picture.film.band_rows(gpu, added.count)? < height {
+        let Some(added) = self.counted_samples(0)? else { return Ok(None) };
+        self.count(&added, Walk::Counted, progress).map(Some)
+    }
+
+    /// The same of a second pass, which begins with what the first has noted. None too if that is not noted.
+    pub fn count_work_again(&mut self, progress: &dyn Progress) -> Result<Option<Work>> {
+        if self.counted_samples(0)?.is_none() || !self.settings.culling.certified().visible_set {
             return Ok(None);
         }
+        self.picture.restart();
+        self.pass(progress)?;
+        let Some(added) = self.counted_samples(self.picture.samples)? else { return Ok(None) };
+        if self.walk(&added)? != Walk::Again {
+            return Ok(None);
+        }
+        self.count(&added, Walk::CountedAgain, progress).map(Some)
+    }
+
+    /// The samples after the first `done`, if a band can have all of theirs.
+    fn counted_samples(&self, done: u32) -> Result<Option<Samples>> {
+        let Seen { resident, .. } = self.seen;
+        let Some(added) = self.samples_after(done).filter(|_| resident.shape().walked.has_tiles()) else {
+            return Ok(None);
+        };
+        let rows = self.picture.film.band_rows(resident.gpu(), added.count)?;
+        Ok((rows >= self.settings.height).then_some(added))
+    }
+
+    /// Counts what a walk does for these samples; they are not kept.
+    fn count(&mut self, added: &Samples, walk: Walk, progress: &dyn Progress) -> Result<Work> {
+        let Settings { width, height, .. } = self.settings;
+        let Seen { resident, .. } = self.seen;
+        let gpu = resident.gpu();
         let sampling = self.picture.sampling(&self.seen, added.count);
-        let text = shape.tiles(sampling, Walk::Counted);
-        let find_hits = gpu.pipeline(text, "find_hits", &resident.walk_layouts()[0], progress)?;
+        let text = resident.shape().tiles(sampling, walk);
+        let visible = self.picture.visible.as_ref().filter(|_| walk == Walk::CountedAgain);
+        let layout = visible.map_or(&resident.walk_layouts()[0], VisibleSet::layout);
+        let find_hits = gpu.pipeline(text, "find_hits", layout, progress)?;
         let tilings = sampling.tilings;
-        let kernels = Kernels { find_hits, go_on: None, shade: None, samples: added.count, tilings };
-        self.picture.one_band(&self.seen, &added, &kernels, None)?;
+        let beside = visible.map(|visible| visible.group().clone());
+        let kernels = Kernels { find_hits, beside, go_on: None, shade: None, samples: added.count, tilings };
+        self.picture.one_band(&self.seen, added, &kernels, None)?;
         let mut work = Work::default();
         let tile = tilings.first.tile;
         self.picture.film.read_hits(gpu, |hits| {
@@ -413,15 +584,20 @@ impl<'a> Renderer<'a> {
         work.tests *= u64::from(added.count);
         work.tiles = u64::from(width.div_ceil(tile[0])) * u64::from(height.div_ceil(tile[1]));
         self.picture.clear();
-        Ok(Some(work))
+        Ok(work)
     }
 
     /// Makes the kernels that the picture needs, so that passes do not wait for them.
     pub fn prepare(&mut self, progress: &dyn Progress) -> Result<()> {
-        let Settings { samples, seed, .. } = self.settings;
-        let mut done = 0;
-        while let Some(added) = Samples::after(done, samples, seed) {
-            self.picture.kernels(&self.seen, added.count, progress)?;
+        let (mut done, mut noting) = (0, None);
+        while let Some(added) = self.samples_after(done) {
+            let mut walk = self.walk(&added)?;
+            if walk == Walk::Noting {
+                noting = Some(added.count);
+            } else if noting == Some(added.count) {
+                walk = Walk::Again;
+            }
+            self.picture.kernels(&self.seen, added.count, walk, progress)?;
             done += added.count;
         }
         Ok(())
@@ -437,11 +613,6 @@ pub fn render(
     progress: &dyn Progress,
 ) -> Result<Image> {
     let mut renderer = Renderer::new(resident, scene, camera, settings)?;
-    renderer.prepare(progress)?;
-    let pixels = u64::from(settings.width) * u64::from(settings.height);
-    progress.begin("render", Some(pixels * u64::from(settings.samples)), "samples");
-    while !renderer.is_done() {
-        renderer.pass(progress)?;
-    }
+    renderer.complete(progress)?;
     renderer.image()
 }

@@ -104,19 +104,23 @@ impl Pages {
         (self.buffers.len(), self.shift)
     }
 
-    /// Declares the pages from `first_binding` on, and the function `name` that reads an element; without pages it reads zeros.
-    pub(super) fn declare(&self, name: &str, first_binding: usize) -> String {
-        declare(name, first_binding, self.buffers.len(), self.shift)
+    /// Declares the pages in `group` from `first_binding` on, and the function `name` that reads an element; without pages it reads
+    /// zeros.
+    pub(super) fn declare(&self, name: &str, group: u32, first_binding: usize) -> String {
+        declare(name, (group, first_binding), self.buffers.len(), self.shift)
     }
 }
 
 /// See [`Pages::declare`].
-pub(super) fn declare(name: &str, first_binding: usize, count: usize, shift: u32) -> String {
+pub(super) fn declare(name: &str, (group, first_binding): (u32, usize), count: usize, shift: u32) -> String {
     let mut text = String::new();
     // Writing to a string cannot fail.
     for page in 0..count {
         let binding = first_binding + page;
-        _ = writeln!(text, "@group(1) @binding({binding}) var<storage, read> {name}_{page}: array<vec4u>;");
+        _ = writeln!(
+            text,
+            "@group({group}) @binding({binding}) var<storage, read> {name}_{page}: array<vec4u>;"
+        );
     }
     _ = writeln!(text, "fn {name}(at: u32) -> vec4u {{");
     if count == 0 {
@@ -135,7 +139,8 @@ pub(super) fn declare(name: &str, first_binding: usize, count: usize, shift: u32
 
 /// Declares pages that are written from `first_binding` on, and the function `set_name` that writes an element; `name` reads one.
 pub(super) fn declare_elements(name: &str, first_binding: usize, count: usize, shift: u32) -> String {
-    let read = declare(name, first_binding, count, shift).replace("<storage, read>", "<storage, read_write>");
+    let read =
+        declare(name, (1, first_binding), count, shift).replace("<storage, read>", "<storage, read_write>");
     read + &setter(name, "vec4u", count, shift)
 }
 

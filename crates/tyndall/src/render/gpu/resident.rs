@@ -1,6 +1,9 @@
 //! A scene in the card's memory: the structure as the CPU or the card has built it, and colors by node. What changes in the scene is sent alone.
 
+use std::sync::{Arc, Mutex, PoisonError};
+
 use super::build::Hierarchy;
+use super::confidence::Grid;
 use super::device::Gpu;
 use super::layout::{self, HitRecord, NONE, RayRecord};
 use super::pages::Pages;
@@ -8,6 +11,7 @@ use super::shader::{Colors, HeapWalk, Heaps, Shape, Sizes, Walked};
 use crate::error::{Error, Result};
 use crate::math::Ray;
 use crate::progress::Progress;
+use crate::render::confidence::DensityGrid;
 use crate::render::interactive::Changes;
 use crate::scene::Scene;
 use crate::scene::color::ColorColumn;
@@ -32,6 +36,8 @@ pub struct Resident {
     columns: Vec<(&'static str, Pages)>,
     bindings: Bindings,
     bound: Bound,
+    /// The density grid that was counted last, for culling by confidence.
+    grid: Mutex<Option<Arc<Grid>>>,
 }
 
 /// Bindings besides the scene's.
@@ -48,6 +54,7 @@ struct Bound {
     pass_layout: wgpu::PipelineLayout,
     walk_layouts: [wgpu::PipelineLayout; 2],
     ray_layout: wgpu::PipelineLayout,
+    scene: wgpu::BindGroupLayout,
 }
 
 /// What is loaded.
@@ -263,7 +270,7 @@ const UNIFORMS: usize = 2;
 fn declared(columns: &[(&'static str, Pages)]) -> String {
     let mut binding = UNIFORMS;
     let declare = |(name, pages): &(&'static str, Pages)| {
-        let text = pages.declare(name, binding);
+        let text = pages.declare(name, 1, binding);
         binding += pages.buffers.len();
         text
     };
@@ -298,6 +305,7 @@ impl Bindings {
                 false => gpu.pipeline_layout(&[&self.pass, &scene]),
             }),
             ray_layout: gpu.pipeline_layout(&[&self.rays, &scene]),
+            scene,
         }
     }
 }
@@ -358,7 +366,16 @@ impl Resident {
         };
         let bindings = Bindings::new(gpu);
         let bound = bindings.bind(gpu, [&outline, &palette], &columns, walked);
-        Ok(Self { gpu: gpu.clone(), shape, outline, palette, columns, bindings, bound })
+        Ok(Self {
+            gpu: gpu.clone(),
+            shape,
+            outline,
+            palette,
+            columns,
+            bindings,
+            bound,
+            grid: Mutex::default(),
+        })
     }
 
     /// Takes over what changed in the scene. Whether kernels have to be made anew. Fails with [`Error::Memory`] if what is new does not fit.
@@ -384,6 +401,9 @@ impl Resident {
                 Some((_, pages)) => bytes.read(|bytes| pages.write(&self.gpu, bytes, &()))?,
                 None => fresh.push((name, bytes.read(|bytes| Pages::upload(&self.gpu, name, bytes, &()))?)),
             }
+        }
+        if changes.radii || changes.shown {
+            *self.grid.get_mut().unwrap_or_else(PoisonError::into_inner) = None;
         }
         if changes.radii {
             self.gpu.write(&self.outline, 0, &content.outline());
@@ -428,6 +448,35 @@ impl Resident {
     /// Memory that the scene takes on the card, in bytes.
     pub fn bytes(&self) -> u64 {
         self.columns.iter().map(|(_, pages)| pages.bytes).sum()
+    }
+
+    /// Storage buffers that a pass sees: its own and those of the scene.
+    pub(super) fn buffers(&self) -> u64 {
+        PASS_BUFFERS + self.columns.iter().map(|(_, pages)| pages.buffers.len() as u64).sum::<u64>()
+    }
+
+    /// A layout of the pass, the scene, and what else a kernel has.
+    pub(super) fn layout_with(&self, others: &wgpu::BindGroupLayout) -> wgpu::PipelineLayout {
+        self.gpu.pipeline_layout(&[&self.bindings.pass, &self.bound.scene, others])
+    }
+
+    /// The density grid of so many slices of the scene that was loaded, counted at most once in a row.
+    pub(super) fn grid(
+        &self,
+        structure: &Structure,
+        voxel_count: u32,
+        progress: &dyn Progress,
+    ) -> Result<Arc<Grid>> {
+        let mut kept = self.grid.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(grid) = kept.as_ref().filter(|grid| grid.voxel_count == voxel_count) {
+            return Ok(grid.clone());
+        }
+        // The one before makes room first.
+        *kept = None;
+        let counted = DensityGrid::new(structure, voxel_count)?;
+        let grid = Arc::new(Grid::new(&self.gpu, &counted, voxel_count, progress)?);
+        *kept = Some(grid.clone());
+        Ok(grid)
     }
 
     pub(super) fn shape(&self) -> &Shape {
@@ -478,9 +527,16 @@ impl Resident {
         Ok(found)
     }
 
-    /// What the kernel `evaluate` of a text makes of records, a vector each: for tests of formulas.
+    /// What the kernel `evaluate` of a text makes of records, a vector each: for tests of formulas. `others` is what it is bound to besides
+    /// the scene.
     #[cfg(test)]
-    pub(super) fn evaluate(&self, text: String, inputs: &[u8], count: usize) -> Vec<[f32; 4]> {
+    pub(super) fn evaluate(
+        &self,
+        text: String,
+        inputs: &[u8],
+        count: usize,
+        others: Option<(&wgpu::BindGroupLayout, &wgpu::BindGroup)>,
+    ) -> Vec<[f32; 4]> {
         let storage = wgpu::BufferUsages::STORAGE;
         let usage = storage | wgpu::BufferUsages::COPY_DST;
         let input = self.gpu.buffer("inputs", inputs.len() as u64, usage).unwrap();
@@ -488,7 +544,22 @@ impl Resident {
         let outputs =
             self.gpu.buffer("outputs", 16 * count as u64, storage | wgpu::BufferUsages::COPY_SRC).unwrap();
         let group = self.gpu.bind(&self.bindings.rays, &[&input, &outputs]);
-        let submitted = self.dispatch(text, "evaluate", &group, count.div_ceil(64) as u32, &()).unwrap();
+        let mut layouts = vec![&self.bindings.rays, &self.bound.scene];
+        layouts.extend(others.map(|(layout, _)| layout));
+        let layout = self.gpu.pipeline_layout(&layouts);
+        let pipeline = self.gpu.pipeline(text, "evaluate", &layout, &()).unwrap();
+        let mut encoder = self.gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        {
+            let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
+            pass.set_bind_group(0, &group, &[]);
+            pass.set_bind_group(1, &self.bound.group, &[]);
+            if let Some((_, others)) = others {
+                pass.set_bind_group(2, others, &[]);
+            }
+            pass.set_pipeline(&pipeline);
+            pass.dispatch_workgroups(count.div_ceil(64) as u32, 1, 1);
+        }
+        let submitted = self.gpu.submit(encoder);
         self.gpu.wait(submitted).unwrap();
         self.gpu.read(&outputs, 0..outputs.size(), |values: &[[f32; 4]]| values.to_vec()).unwrap()
     }

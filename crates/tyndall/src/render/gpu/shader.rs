@@ -6,6 +6,7 @@ use std::fmt::Write;
 
 use super::layout;
 use crate::math::HIT_ROUNDING;
+use crate::render::confidence::GAUSSIAN_STEPS;
 use crate::structure::Packing;
 
 pub(super) const MATH: &str = include_str!("math.wgsl");
@@ -28,6 +29,14 @@ const PKD: &str = include_str!("pkd.wgsl");
 const TREELETS: &str = include_str!("treelets.wgsl");
 const SINGLE: &str = include_str!("single.wgsl");
 const INTERSECT: &str = include_str!("intersect.wgsl");
+const NOTED_TEXT: &str = include_str!("noted.wgsl");
+const FORGOTTEN: &str = include_str!("forgotten.wgsl");
+const EXPONENTIAL: &str = include_str!("exponential.wgsl");
+const RANDOM: &str = include_str!("random.wgsl");
+const CULLING: &str = include_str!("culling.wgsl");
+const CONFIDENCE: &str = include_str!("confidence.wgsl");
+const CULLED: &str = include_str!("culled.wgsl");
+const NEIGHBORHOOD: &str = include_str!("neighborhood.wgsl");
 
 /// What a workgroup of the tile sample buffer is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -85,9 +94,30 @@ pub(super) enum Walk {
     First,
     /// What the first walk has found, for parts of what was laid aside.
     Second,
+    /// The root, and notes what later passes need not look for.
+    Noting,
+    /// What was noted.
+    Again,
     /// As the first, to the end; tells what it did instead of what it found.
     Counted,
+    /// As again, to the end; tells what it did instead of what it found.
+    CountedAgain,
 }
+
+impl Walk {
+    /// Whether it tells what it did.
+    fn is_counted(self) -> bool {
+        matches!(self, Self::Counted | Self::CountedAgain)
+    }
+
+    /// Whether it begins with what was noted.
+    fn remembers(self) -> bool {
+        matches!(self, Self::Again | Self::CountedAgain)
+    }
+}
+
+/// Leaves of a tile that are noted, and subtrees that it left out; of a tile with more nothing is.
+pub(super) const NOTED: [u32; 2] = [256, 512];
 
 /// How a scene's arrays are laid out.
 #[derive(Clone, Debug, PartialEq)]
@@ -185,7 +215,8 @@ impl Shape {
         let own_samples = (samples / tiling.split).max(1);
         let lanes = if own_samples == 1 { LANES1 } else { LANES4 };
         let [across, down] = tilings.parts();
-        let patience = if walk == Walk::First { tilings.patience } else { 0 };
+        let is_patient = walk == Walk::Second || walk.is_counted();
+        let patience = if is_patient { 0 } else { tilings.patience };
         let threads = tiling.threads();
         let nodes = tiling.nodes.min(threads / 8);
         for (name, value) in [
@@ -198,8 +229,10 @@ impl Shape {
             ("GROUPS", own_samples.div_ceil(4)),
             ("NODES", nodes),
             ("LEAVES", threads / 16),
-            // At most the children of the nodes of one step lie on the stack, of each level.
-            ("STACK", 8 * nodes * self.levels + 1),
+            // At most the children of the nodes of one step lie on the stack, of each level, above what was put there at once.
+            ("STACK", 8 * nodes * self.levels + if walk.remembers() { threads.min(64) } else { 1 }),
+            ("NOTED_LEAVES", NOTED[0]),
+            ("NOTED_LEFT_OUT", NOTED[1]),
             ("PATIENCE", patience),
             ("MOST_ASIDE", MOST_ASIDE),
             ("PARTS_ACROSS", across),
@@ -208,14 +241,23 @@ impl Shape {
             head += &format!("const {name}: u32 = {value}u;\n");
         }
         head += &format!("const IS_SECOND: bool = {};\n", walk == Walk::Second);
-        head += &format!("const COUNTED: bool = {};\n", walk == Walk::Counted);
+        head += &format!("const COUNTED: bool = {};\n", walk.is_counted());
+        head += &format!("const NOTES: bool = {};\n", walk == Walk::Noting);
+        head += &format!("const REMEMBERS: bool = {};\n", walk.remembers());
         let begin = if walk == Walk::Second { SECOND } else { FIRST };
-        head + &[MATH, SHOWN, BVH, CAMERA, PASS, lanes, BEAM, begin, TILES].join("\n")
+        let notes = if walk == Walk::Noting || walk.remembers() { NOTED_TEXT } else { FORGOTTEN };
+        head + &[MATH, SHOWN, BVH, CAMERA, PASS, lanes, BEAM, begin, notes, TILES].join("\n")
     }
 
     /// The kernels that light the samples.
     pub(super) fn shade(&self, sampling: Sampling) -> String {
         self.head(sampling) + &self.walk() + &["", CAMERA, PASS, SHADE].join("\n")
+    }
+
+    /// The kernel of a frame of culling by confidence, but for the declaration of its grid.
+    pub(super) fn culled(&self, sampling: Sampling) -> String {
+        let files = ["", CAMERA, PASS, EXPONENTIAL, RANDOM, CONFIDENCE, CULLED, ""];
+        self.head(sampling) + &culling() + &self.walk() + &files.join("\n")
     }
 
     /// The kernel of single rays.
@@ -292,6 +334,17 @@ impl Shape {
         }
         head + &self.arrays
     }
+}
+
+/// The kernels that decide, after a frame of culling by confidence, where rays end.
+pub(super) fn neighborhood() -> String {
+    culling() + &[MATH, NEIGHBORHOOD].join("\n")
+}
+
+/// Records of culling by confidence.
+fn culling() -> String {
+    let (vectors, steps) = (layout::NORMAL_VECTORS, GAUSSIAN_STEPS);
+    format!("const NORMAL_VECTORS: u32 = {vectors}u;\nconst NORMAL_STEPS: u32 = {steps}u;\n{CULLING}\n")
 }
 
 /// Elements of sixteen bytes in a leaf's block.

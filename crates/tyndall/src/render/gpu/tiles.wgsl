@@ -157,7 +157,9 @@ fn find_hits(@builtin(workgroup_id) tile: vec3u, @builtin(local_invocation_index
             max(own_deepest, max_of(found_b.depth)), max(max_of(found_c.depth), max_of(found_d.depth)));
     }
 
-    // Empty what is gathered, and begin at the root.
+    // Empty what is gathered, and begin at the root, or with what an earlier pass has noted.
+    let noted = noted_of(tile);
+    let is_remembered = REMEMBERS && noted.x != NONE;
     if thread < 4u {
         atomicStore(&deepest[thread], select(bitcast<u32>(FAR), 0u, IS_SECOND));
         atomicStore(&deepest[4u + thread], 0u);
@@ -175,8 +177,11 @@ fn find_hits(@builtin(workgroup_id) tile: vec3u, @builtin(local_invocation_index
     }
     if thread == 0u {
         stack[0] = vec2u(15u, place_of(bvh.top, 0u));
-        stack_size = select(0u, 1u, bvh.top > 0u);
+        stack_size = select(0u, 1u, bvh.top > 0u && !is_remembered);
         is_aside = false;
+        if NOTES {
+            atomicStore(&left_out, 0u);
+        }
     }
     if IS_SECOND {
         workgroupBarrier();
@@ -185,6 +190,8 @@ fn find_hits(@builtin(workgroup_id) tile: vec3u, @builtin(local_invocation_index
 
     // What the walk does, where that is asked for instead of what it finds.
     var work = Work(0u, 0u, 0u, 0u);
+    // How much of what an earlier pass has noted was taken up: leaves, and what it left out.
+    var taken_up = vec2u(0u);
     // Which copy is in use: of what is looked at, what leaves gather, what nodes gather.
     var turn = 0u;
     var leaf_turn = 0u;
@@ -193,7 +200,62 @@ fn find_hits(@builtin(workgroup_id) tile: vec3u, @builtin(local_invocation_index
         workgroupBarrier();
         let size = stack_size;
         if size == 0u {
-            break;
+            if !is_remembered || all(taken_up == noted) {
+                break;
+            }
+            // Leaves that were drawn before come first, the nearest on top.
+            if taken_up.x < noted.x {
+                let count = min(WINDOW, noted.x - taken_up.x);
+                if thread < count {
+                    stack[count - 1u - thread] = noted_leaf(tile, taken_up.x + thread);
+                }
+                taken_up.x += count;
+                // All have read that the stack is empty.
+                workgroupBarrier();
+                if thread == 0u {
+                    stack_size = count;
+                }
+                continue;
+            }
+            // Then what lay behind all samples, where it no longer does; deeper levels on top.
+            let count = min(WINDOW, noted.y - taken_up.y);
+            var entry = vec2u(0u);
+            var is_open = false;
+            if thread < count {
+                entry = noted_left_out(tile, taken_up.y + thread);
+                for (var k = 0u; k < 4u; k++) {
+                    let depth = bitcast<f32>(atomicLoad(&deepest[4u * leaf_turn + k]));
+                    is_open = is_open || (((entry.x >> k) & 1u) == 1u && bitcast<f32>(entry.x & ~15u) <= depth && depth > 0.0);
+                }
+                // What is closed has the level of nothing.
+                child_near[thread] = select(16.0, f32(level_of(entry.y)), is_open);
+                if is_open {
+                    atomicOr(&kept[node_turn * WORDS + (thread >> 5u)], 1u << (thread & 31u));
+                }
+            }
+            taken_up.y += count;
+            workgroupBarrier();
+            var open_count = 0u;
+            for (var word = 0u; word < min(WORDS, 2u); word++) {
+                open_count += countOneBits(atomicLoad(&kept[node_turn * WORDS + word]));
+            }
+            if is_open {
+                let level = f32(level_of(entry.y));
+                var below = 0u;
+                for (var k = 0u; k < count; k++) {
+                    let is_below = child_near[k] < 16.0 && (child_near[k] > level || (child_near[k] == level && k > thread));
+                    below += select(0u, 1u, is_below);
+                }
+                stack[below] = entry;
+            }
+            if thread == 0u {
+                stack_size = open_count;
+            }
+            node_turn = 1u - node_turn;
+            if thread < WORDS {
+                atomicStore(&kept[node_turn * WORDS + thread], 0u);
+            }
+            continue;
         }
         if PATIENCE > 0u && work.steps == PATIENCE {
             if thread == 0u {
@@ -206,6 +268,8 @@ fn find_hits(@builtin(workgroup_id) tile: vec3u, @builtin(local_invocation_index
         }
 
         // Which of the topmost entries can still matter?
+        var own_entry = vec2u(0u);
+        var own_closed = false;
         if thread < WINDOW && thread < size {
             let entry = stack[size - 1u - thread];
             let near = bitcast<f32>(entry.x & ~15u);
@@ -220,6 +284,8 @@ fn find_hits(@builtin(workgroup_id) tile: vec3u, @builtin(local_invocation_index
                     atomicOr(&open_leaves[2u * turn + (thread >> 5u)], 1u << (thread & 31u));
                 }
             }
+            own_entry = entry;
+            own_closed = !is_open;
         }
         if thread < 2u {
             atomicStore(&open_entries[2u * (1u - turn) + thread], 0u);
@@ -242,6 +308,14 @@ fn find_hits(@builtin(workgroup_id) tile: vec3u, @builtin(local_invocation_index
                 dropped = place_of_bit(leaves, LEAVES - 1u) + 1u;
             } else if count_of(others) > 0u {
                 dropped = place_of_bit(others, 0u);
+            }
+            if NOTES {
+                if thread < taken {
+                    note_leaf(tile, work.leaves - taken + thread, stack[size - 1u - place_of_bit(leaves, thread)]);
+                }
+                if own_closed && thread < dropped {
+                    note_left_out(tile, own_entry);
+                }
             }
 
             // Each thread projects a particle.
@@ -336,6 +410,9 @@ fn find_hits(@builtin(workgroup_id) tile: vec3u, @builtin(local_invocation_index
         if count_of(entries) > NODES {
             dropped = place_of_bit(entries, NODES - 1u) + 1u;
         }
+        if NOTES && own_closed && thread < dropped {
+            note_left_out(tile, own_entry);
+        }
         var is_kept = false;
         var pushed = vec2u(0u);
         if thread / 8u < node_count {
@@ -352,11 +429,15 @@ fn find_hits(@builtin(workgroup_id) tile: vec3u, @builtin(local_invocation_index
                     open_quads |= select(0u, 1u << k, ((quads >> k) & 1u) == 1u && near <= depth && depth > 0.0);
                 }
                 is_kept = open_quads != 0u;
-                pushed = vec2u((bitcast<u32>(near) & ~15u) | open_quads,
+                // Another pass may look also into quarters that are closed in this one.
+                let noted_quads = select(open_quads, quads, NOTES);
+                pushed = vec2u((bitcast<u32>(near) & ~15u) | noted_quads,
                     place_of(level_of(parent) - 1u, 8u * index_of(parent) + child));
                 child_near[thread] = near;
                 if is_kept {
                     atomicOr(&kept[node_turn * WORDS + (thread >> 5u)], 1u << (thread & 31u));
+                } else if NOTES && quads != 0u {
+                    note_left_out(tile, pushed);
                 }
             }
         }
@@ -395,6 +476,9 @@ fn find_hits(@builtin(workgroup_id) tile: vec3u, @builtin(local_invocation_index
         }
     }
 
+    if NOTES && thread == 0u {
+        note_counts(tile, work.leaves, is_aside);
+    }
     if COUNTED {
         // The tile's first pixels tell one more number each.
         let place = thread / SPLIT;

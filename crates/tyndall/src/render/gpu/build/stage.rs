@@ -72,7 +72,7 @@ impl Stage {
         let mut binding = 1;
         for (&(name, access), (count, shift)) in self.arrays().iter().zip(pages) {
             arrays += &match access {
-                Access::Read => declare(name, binding, count, shift),
+                Access::Read => declare(name, (1, binding), count, shift),
                 Access::Elements => declare_elements(name, binding, count, shift),
                 Access::Words => declare_words(name, binding, count, shift),
             };

@@ -30,7 +30,7 @@ pub(super) fn device() -> Option<Gpu> {
 }
 
 /// Particles in the unit cube with such radii, on the CPU.
-fn scene(packing: Packing, radius: impl Fn(&mut Stream) -> f32) -> Scene {
+pub(super) fn scene(packing: Packing, radius: impl Fn(&mut Stream) -> f32) -> Scene {
     let mut stream = Stream::new(11, 0);
     let mut columns: [Vec<f32>; 3] = Default::default();
     let mut radii = Vec::new();
@@ -78,7 +78,7 @@ fn evaluate_with(
         }}"
     );
     let text = resident.shape().formulas(sampling) + functions + &kernel;
-    resident.evaluate(text, bytemuck::cast_slice(inputs), inputs.len())
+    resident.evaluate(text, bytemuck::cast_slice(inputs), inputs.len(), None)
 }
 
 fn sampling(perspective: bool) -> Sampling {
@@ -120,7 +120,7 @@ fn particles_have_the_keys_that_they_have_on_the_cpu() {
 }
 
 /// How many values differ by more than `tolerance`, relative to `scale`.
-fn differing(found: &[f32], expected: &[f32], tolerance: f32, scale: f32) -> usize {
+pub(super) fn differing(found: &[f32], expected: &[f32], tolerance: f32, scale: f32) -> usize {
     assert_eq!(found.len(), expected.len());
     let differs = |(a, b): &(&f32, &f32)| {
         let is_near = a == b || (*a - *b).abs() <= tolerance * scale;
@@ -294,7 +294,7 @@ fn boxes_of_children_hold_what_is_below_them() {
 }
 
 /// Cameras of both kinds, by number.
-fn camera(number: usize, stream: &mut Stream) -> Camera {
+pub(super) fn camera(number: usize, stream: &mut Stream) -> Camera {
     let projection = if number.is_multiple_of(2) {
         Projection::Perspective { vertical_angle: 0.2 + f64::from(stream.unit()) }
     } else {
@@ -305,7 +305,7 @@ fn camera(number: usize, stream: &mut Stream) -> Camera {
 }
 
 /// How the shaders are told of a view.
-fn written(view: &layout::View) -> String {
+pub(super) fn written(view: &layout::View) -> String {
     let vector = |v: [f32; 3]| format!("vec3f({:?}, {:?}, {:?})", v[0], v[1], v[2]);
     format!(
         "View({}, {:?}, {}, {:?}, {}, {:?}, {}, 0.0)",

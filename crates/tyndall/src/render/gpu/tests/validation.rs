@@ -7,7 +7,9 @@ use wgpu::naga::{self, TypeInner, valid};
 use super::super::build::Stage;
 use super::super::layout;
 use super::super::pages::declare;
-use super::super::shader::{Colors, HeapWalk, Heaps, Sampling, Shape, Sizes, Tiling, Tilings, Walk, Walked};
+use super::super::shader::{
+    Colors, HeapWalk, Heaps, Sampling, Shape, Sizes, Tiling, Tilings, Walk, Walked, neighborhood,
+};
 use crate::structure::Packing;
 
 const PACKINGS: [Packing; 4] = [Packing::Exact, Packing::Bits16, Packing::Bits11, Packing::Bits8];
@@ -23,13 +25,13 @@ pub(super) fn shape(packing: Packing, sizes: Sizes, colors: Colors, pages: usize
 /// The same where not all particles are shown.
 fn hiding(shape: &Shape, pages: usize) -> Shape {
     let binding = 2 + shape.arrays.matches("@binding").count();
-    let arrays = shape.arrays.clone() + &declare("shown", binding, pages, 10);
+    let arrays = shape.arrays.clone() + &declare("shown", (1, binding), pages, 10);
     Shape { hides: true, arrays, ..shape.clone() }
 }
 
 /// Declares arrays of so many pages each.
 fn arrays(names: &[&str], pages: usize) -> String {
-    (2..).step_by(pages).zip(names).map(|(binding, name)| declare(name, binding, pages, 10)).collect()
+    (2..).step_by(pages).zip(names).map(|(binding, name)| declare(name, (1, binding), pages, 10)).collect()
 }
 
 /// Scenes of k-d trees: one, and many under nodes.
@@ -68,7 +70,14 @@ fn every_kernel_is_valid_for_every_layout() {
                 for second in seconds {
                     let tilings = Tilings { second, ..Tilings::of(samples, 0) };
                     let sampling = Sampling { samples, perspective, tilings };
-                    for walk in [Walk::First, Walk::Second, Walk::Counted] {
+                    for walk in [
+                        Walk::First,
+                        Walk::Second,
+                        Walk::Noting,
+                        Walk::Again,
+                        Walk::Counted,
+                        Walk::CountedAgain,
+                    ] {
                         validate(&shape.tiles(sampling, walk));
                     }
                 }
@@ -105,6 +114,20 @@ fn every_kernel_is_valid_for_every_walk_of_heaps() {
                     validate(&shape.hits(sampling));
                     validate(&shape.shade(sampling));
                 }
+            }
+        }
+    }
+}
+
+#[test]
+fn every_kernel_of_culling_by_confidence_is_valid() {
+    validate(&neighborhood());
+    for (packing, sizes) in PACKINGS.into_iter().zip(SIZES) {
+        for pages in [1, 3] {
+            let shape = shape(packing, sizes, Colors::Constant, pages);
+            for (samples, perspective) in [(1, false), (4, true), (16, false)] {
+                let sampling = Sampling { samples, perspective, tilings: Tilings::of(samples, 0) };
+                validate(&(shape.culled(sampling) + &declare("voxels", (2, 4), pages, 10)));
             }
         }
     }
@@ -151,6 +174,17 @@ fn records_stand_where_the_shaders_read_them() {
     let task = record!(layout::Task: low, inv_edge, giant, count, first, runs, bit, level, next_level, nodes);
     let keys = Stage::Keys.text(Packing::Exact, Sizes::Each, std::iter::repeat((1, 10)));
     assert_eq!(members(&validate(&keys), "Task"), task);
+    let module = validate(&neighborhood());
+    let estimate = record!(layout::Estimate: depth, confidence, next, unique);
+    assert_eq!(members(&module, "Estimate"), estimate);
+    assert_eq!(members(&module, "Pixel"), record!(layout::Pixel: accumulation, cull, clip, unchanged));
+    let culling = record!(
+        layout::Culling: low, unit, high, radius, edge, radius_sq, inv_edge, stride, voxels, first, samples, seed, is_new,
+        convergence_samples, sample_budget, occlusion_confidence, depth_quantization, trilinear, up_to_depth, kernel, level,
+        normal_limit, normal
+    );
+    assert_eq!(members(&module, "Culling"), culling);
+    assert_eq!(members(&module, "Level"), record!(layout::Level: from_size, to_size));
 }
 
 #[test]

@@ -1,0 +1,274 @@
+"""Writes the samples of this folder, a few particles in every format that can be read, mostly with the formats' own libraries.
+
+python make.py TYNDALL (the command, for formats that few others write; needs numpy, MDAnalysis, gsd, laspy, lazrs, pye57, vtk, msgpack,
+OpenEXR)
+"""
+import bz2
+import gzip
+import lzma
+import os
+import struct
+import subprocess
+import sys
+
+import msgpack
+import numpy as np
+
+os.chdir(os.path.dirname(os.path.abspath(__file__)))
+COUNT = 24
+random = np.random.default_rng(1)
+positions = random.uniform(0.0, 10.0, (COUNT, 3)).astype(np.float32)
+velocities = random.normal(0.0, 1.0, (COUNT, 3)).astype(np.float32)
+
+
+def write(name, content):
+    with open(name, "wb") as file:
+        file.write(content if isinstance(content, bytes) else content.encode())
+
+
+def lines(rows, form):
+    return "".join(form.format(*row) + "\n" for row in rows)
+
+
+def text():
+    def dump(step):
+        head = f"ITEM: TIMESTEP\n{step}\nITEM: NUMBER OF ATOMS\n{COUNT}\nITEM: BOX BOUNDS pp pp pp\n0 10\n0 10\n0 10\n"
+        rows = [(k + 1, k % 2 + 1, *positions[k], *velocities[k]) for k in range(COUNT)]
+        return head + "ITEM: ATOMS id type x y z vx vy vz\n" + lines(rows, "{} {} {:.4f} {:.4f} {:.4f} {:.3f} {:.3f} {:.3f}")
+
+    write("lammps.dump", dump(0) + dump(100))
+    write("lammps.dump.gz", gzip.compress((dump(0) + dump(100)).encode(), mtime=0))
+    atoms = [(k + 1, 1, k % 2 + 1, 0.5, *positions[k]) for k in range(COUNT)]
+    write("lammps.data", f"LAMMPS data file\n\n{COUNT} atoms\n2 bonds\n2 atom types\n1 bond types\n\n0 10 xlo xhi\n0 10 ylo yhi\n0 10 zlo zhi\n\n"
+          "Masses\n\n1 12.0\n2 1.0\n\nAtoms # full\n\n" + lines(atoms, "{} {} {} {} {:.4f} {:.4f} {:.4f}")
+          + "\nVelocities\n\n" + lines([(k + 1, *velocities[k]) for k in range(COUNT)], "{} {:.3f} {:.3f} {:.3f}")
+          + "\nBonds\n\n1 1 1 2\n2 1 3 4\n")
+    atoms = lines([("OH"[k % 2], *positions[k], k) for k in range(COUNT)], "{} {:.4f} {:.4f} {:.4f} {}")
+    frame = f'{COUNT}\nLattice="10 0 0 0 10 0 0 0 10" Properties=species:S:1:pos:R:3:tag:I:1 Time=0.5\n' + atoms
+    write("extended.xyz", frame + frame)
+    write("extended.xyz.bz2", bz2.compress((frame + frame).encode()))
+    write("extended.xyz.xz", lzma.compress((frame + frame).encode()))
+    gro = [(1 + k // 3, "SOL", ["OW", "HW1", "HW2"][k % 3], k + 1, *positions[k] / 10, *velocities[k]) for k in range(COUNT)]
+    gro = f"water t= 1.0\n{COUNT}\n" + lines(gro, "{:5d}{:<5}{:>5}{:5d}{:8.3f}{:8.3f}{:8.3f}{:8.4f}{:8.4f}{:8.4f}") + "   1.0 1.0 1.0\n"
+    write("gromacs.gro", gro + gro)
+    write("table.csv", "x,y,z,mass,name\n" + lines([(*positions[k], k / 8, "ab"[k % 2]) for k in range(COUNT)], "{:.4f},{:.4f},{:.4f},{},{}"))
+    write("cloud.pts", f"{COUNT}\n" + lines([(*positions[k], k, 10 * k, 0, 255) for k in range(COUNT)], "{:.4f} {:.4f} {:.4f} {} {} {} {}"))
+    names, types = "position velocity mass particleId", "V V R I"
+    write("maya.pda", f"ATTRIBUTES\n {names} \nTYPES\n {types} \nNUMBER_OF_PARTICLES: {COUNT}\nBEGIN DATA\n"
+          + lines([(*positions[k], *velocities[k], 1.5, k) for k in range(COUNT)], " {:.4f} {:.4f} {:.4f} {:.3f} {:.3f} {:.3f} {} {} "))
+    def atom(k):
+        return ("HETATM" if k % 5 == 4 else "ATOM  ", k + 1, ["N", "CA", "C", "O"][k % 4], "GLY", "AB"[k // 12], k // 4 + 1, *positions[k], "NCCO"[k % 4])
+    atoms = lines([atom(k) for k in range(COUNT)], "{}{:5d}  {:<3} {} {}{:4d}    {:8.3f}{:8.3f}{:8.3f}  1.00 20.00          {:>2}")
+    biomt = "".join(f"REMARK 350   BIOMT{row}   {copy}  {' '.join(f'{float(row == axis):9.6f}' for axis in (1, 2, 3))}     {10.0 * (copy - 1) * (row == 1):10.5f}\n"
+                    for copy in (1, 2) for row in (1, 2, 3))
+    write("protein.pdb", "HEADER    TEST\nREMARK 350 BIOMOLECULE: 1\nREMARK 350 APPLY THE FOLLOWING TO CHAINS: A, B\n" + biomt
+          + "CRYST1   10.000   10.000   10.000  90.00  90.00  90.00 P 1           1\nMODEL        1\n" + atoms
+          + "ENDMDL\nMODEL        2\n" + atoms + "ENDMDL\nEND\n")
+    keys = "group_PDB id type_symbol label_atom_id label_comp_id label_asym_id label_seq_id Cartn_x Cartn_y Cartn_z pdbx_PDB_model_num".split()
+    write("protein.cif", "data_TEST\n_cell.length_a 10.0\n_cell.length_b 10.0\n_cell.length_c 10.0\n"
+          "_cell.angle_alpha 90\n_cell.angle_beta 90\n_cell.angle_gamma 90\nloop_\n" + "".join(f"_atom_site.{key}\n" for key in keys)
+          + lines([("ATOM", k + 1, "NCCO"[k % 4], ["N", "CA", "C", "O"][k % 4], "GLY", "A", k // 4 + 1, *positions[k], 1) for k in range(COUNT)],
+                  "{} {} {} {} {} {} {} {:.3f} {:.3f} {:.3f} {}") + "#\n")
+    values = positions.reshape(-1)[:27] ** 2
+    write("grid.dx", "object 1 class gridpositions counts 3 3 3\norigin 0 0 0\ndelta 1 0 0\ndelta 0 1 0\ndelta 0 0 1\n"
+          "object 2 class gridconnections counts 3 3 3\nobject 3 class array type double rank 0 items 27 data follows\n"
+          + "".join(" ".join(f"{it:.4f}" for it in values[k:k + 3]) + "\n" for k in range(0, 27, 3)) + 'attribute "dep" string "positions"\n')
+    vertices = "".join(f"{positions[k][0]:.4f} {positions[k][1]:.4f} {positions[k][2]:.4f} {k}\n" for k in range(COUNT))
+    write("text.ply", f"ply\nformat ascii 1.0\nelement vertex {COUNT}\nproperty float x\nproperty float y\nproperty float z\nproperty int tag\nend_header\n" + vertices)
+    rows = lines([(*positions[k], k) for k in range(COUNT)], "{:.4f} {:.4f} {:.4f} {}")
+    head = "# .PCD v0.7\nVERSION 0.7\nFIELDS x y z tag\nSIZE 4 4 4 4\nTYPE F F F U\nCOUNT 1 1 1 1\nWIDTH {0}\nHEIGHT 1\nPOINTS {0}\nDATA {1}\n"
+    write("text.pcd", head.format(COUNT, "ascii") + rows)
+    records = np.rec.fromarrays([*positions.T, np.arange(COUNT, dtype="u4")])
+    write("binary.pcd", head.format(COUNT, "binary").encode() + records.tobytes())
+    columns = positions.T.tobytes() + np.arange(COUNT, dtype="<u4").tobytes()
+    literals = b"".join(bytes([len(columns[k:k + 32]) - 1]) + columns[k:k + 32] for k in range(0, len(columns), 32))
+    write("packed.pcd", head.format(COUNT, "binary_compressed").encode() + struct.pack("<II", len(literals), len(columns)) + literals)
+    # A Houdini GEO of version 5, as partio writes it.
+    write("houdini.geo", f"PGEOMETRY V5\nNPoints {COUNT} NPrims 1\nNPointGroups 0 NPrimGroups 0\nNPointAttrib 1 NVertexAttrib 0 NPrimAttrib 1 NAttrib 0\n"
+          "PointAttrib\npscale 1 float 0\n" + lines([(*positions[k], k / 8) for k in range(COUNT)], "{:.4f} {:.4f} {:.4f} 1 ({})")
+          + f"PrimitiveAttrib\ngenerator 1 index 1 papi\nPart {COUNT} " + " ".join(map(str, range(COUNT))) + " [0]\nbeginExtra\nendExtra\n")
+
+
+def binary():
+    def dump(step):
+        units, columns = b"lj", b"id type x y z"
+        out = struct.pack("<q", -len(b"DUMPCUSTOM")) + b"DUMPCUSTOM" + struct.pack("<ii", 1, 2)
+        out += struct.pack("<qqi6i6di", step, COUNT, 0, *[0] * 6, 0, 10, 0, 10, 0, 10, 5)
+        out += struct.pack("<i", len(units)) + units + struct.pack("<bd", 1, 0.5) + struct.pack("<i", len(columns)) + columns
+        out += struct.pack("<i", 2)
+        rows = np.column_stack([np.arange(COUNT) + 1, np.arange(COUNT) % 2 + 1, positions]).astype("<f8")
+        for half in (rows[:10], rows[10:]):
+            out += struct.pack("<i", half.size) + half.tobytes()
+        return out
+
+    write("lammps.bin", dump(0) + dump(100))
+
+    def record(content, order="<", tag=None):
+        size = struct.pack(order + "I", len(content))
+        marked = b"" if tag is None else struct.pack(order + "I", 8) + tag + struct.pack(order + "I", len(content) + 8) + struct.pack(order + "I", 8)
+        return marked + size + content + size
+
+    counts = [10, 14, 0, 0, 0, 0]
+    for name, order, tags in (("snapshot.gadget1", "<", False), ("snapshot.gadget2", ">", True)):
+        header = struct.pack(order + "6I6ddd2i6I2i4d", *counts, 0, 0.25, 0, 0, 0, 0, 0.5, 1.0, 0, 0, *counts, 0, 1, 10.0, 0.3, 0.7, 0.7)
+        header += bytes(256 - len(header))
+        tag = (lambda word: word) if tags else (lambda _: None)
+        put = lambda array, kind: np.asarray(array).astype(order + kind).tobytes()
+        write(name, record(header, order, tag(b"HEAD")) + record(put(positions, "f4"), order, tag(b"POS "))
+              + record(put(velocities, "f4"), order, tag(b"VEL ")) + record(put(np.arange(COUNT), "u4"), order, tag(b"ID  "))
+              + record(put(np.ones(10), "f4"), order, tag(b"MASS")) + record(put(np.ones(10), "f4"), order, tag(b"U   ")))
+    # TIPSY: 4 gas, 12 dark, 8 star particles, big-endian with the header's pad.
+    def rows(part, behind):
+        return np.column_stack([np.full(len(part), 0.5), part, part, *[np.full(len(part), 0.1)] * behind]).astype(">f4").tobytes()
+
+    write("snapshot.tipsy", struct.pack(">diiiiii", 1.0, COUNT, 3, 4, 12, 8, 0)
+          + rows(positions[:4], 5) + rows(positions[4:16], 2) + rows(positions[16:], 4))
+    points = np.zeros(COUNT, dtype=[("p", "<f4", 3), ("n", "<u2", 2), ("r", "<f4"), ("v", "<f4", 4)])
+    points["p"], points["r"] = positions, 0.5
+    variables = b"float mass\ncolor Cd\n"
+    write("renderman.ptc", b"pptc" + struct.pack("<Id6f", 0, COUNT, *[0.0] * 6) + bytes(140) + struct.pack("<II", 2, 4) + variables + points.tobytes())
+    sky = b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 4 +X 8\n"
+    for row in range(4):
+        sky += bytes([2, 2, 0, 8]) + b"".join(bytes([128 + 8, value + row]) for value in (60, 80, 100, 120))
+    write("sky.hdr", sky)
+    np.save("positions.npy", positions)
+    np.savez_compressed("arrays.npz", pos=positions, vel=velocities, mass=np.ones(COUNT))
+    # BinaryCIF: Cartesian coordinates as scaled differences, elements as a table of words.
+    def encoded(data, *encodings):
+        return {"data": data, "encoding": list(encodings)}
+
+    def integers(values):
+        return encoded(np.asarray(values, "<i4").tobytes(), {"kind": "ByteArray", "type": 3})
+
+    def column(name, data):
+        return {"name": name, "data": data, "mask": None}
+
+    def coordinates(axis):
+        values = np.round(positions[:, axis] * 1000).astype(int)
+        steps = np.diff(values, prepend=0)
+        packed = bytearray()
+        for step in steps:
+            while step >= 32767:
+                packed += struct.pack("<h", 32767)
+                step -= 32767
+            while step <= -32768:
+                packed += struct.pack("<h", -32768)
+                step += 32768
+            packed += struct.pack("<h", step)
+        return encoded(bytes(packed), {"kind": "FixedPoint", "factor": 1000, "srcType": 33}, {"kind": "Delta", "origin": 0, "srcType": 3},
+                       {"kind": "IntegerPacking", "byteCount": 2, "isUnsigned": False, "srcSize": COUNT}, {"kind": "ByteArray", "type": 2})
+
+    def words(all_words, rows):
+        offsets = np.cumsum([0] + [len(word) for word in all_words])
+        return encoded(np.asarray(rows, "<i4").tobytes(), {
+            "kind": "StringArray", "dataEncoding": [{"kind": "ByteArray", "type": 3}], "stringData": "".join(all_words),
+            "offsets": offsets.astype("<i4").tobytes(), "offsetEncoding": [{"kind": "ByteArray", "type": 3}]})
+
+    runs = encoded(np.asarray([1, COUNT], "<i4").tobytes(), {"kind": "RunLength", "srcType": 3, "srcSize": COUNT}, {"kind": "ByteArray", "type": 3})
+    columns = [column("id", integers(np.arange(COUNT) + 1)), column("type_symbol", words(["N", "C", "O"], [[0, 1, 1, 2][k % 4] for k in range(COUNT)])),
+               column("Cartn_x", coordinates(0)), column("Cartn_y", coordinates(1)), column("Cartn_z", coordinates(2)), column("pdbx_PDB_model_num", runs)]
+    file = {"version": "0.3.0", "encoder": "make.py", "dataBlocks": [{"header": "TEST", "categories": [{"name": "_atom_site", "rowCount": COUNT, "columns": columns}]}]}
+    write("protein.bcif", msgpack.packb(file))
+
+
+def trajectories():
+    import MDAnalysis
+    import gsd.hoomd
+
+    universe = MDAnalysis.Universe.empty(COUNT, trajectory=True, velocities=True, forces=True)
+    universe.dimensions = [10, 10, 10, 90, 90, 90]
+    for name in ("gromacs.xtc", "gromacs.trr", "charmm.dcd", "amber.nc"):
+        with MDAnalysis.Writer(name, COUNT) as writer:
+            for step in range(3):
+                universe.atoms.positions = positions + step
+                universe.atoms.velocities = velocities
+                writer.write(universe.atoms)
+    with gsd.hoomd.open("hoomd.gsd", "w") as file:
+        for step in range(2):
+            frame = gsd.hoomd.Frame()
+            frame.configuration.step, frame.configuration.box = step, [10, 10, 10, 0, 0, 0]
+            frame.particles.N, frame.particles.position, frame.particles.velocity = COUNT, positions - 5, velocities
+            frame.particles.types, frame.particles.typeid = ["A", "B"], np.arange(COUNT) % 2
+            file.append(frame)
+
+
+def clouds():
+    import laspy
+    import pye57
+
+    for name, form in (("scan.las", 7), ("scan.laz", 3), ("scan_1_4.laz", 7)):
+        header = laspy.LasHeader(point_format=form, version="1.2" if form == 3 else "1.4")
+        header.scales = [0.001] * 3
+        file = laspy.LasData(header)
+        file.x, file.y, file.z = positions.T
+        file.intensity, file.red = np.arange(COUNT), np.arange(COUNT) * 100
+        file.write(name)
+    with pye57.E57("scan.e57", mode="w") as file:
+        x, y, z = positions.T.astype("f8")
+        file.write_scan_raw({"cartesianX": x, "cartesianY": y, "cartesianZ": z, "intensity": np.linspace(0, 1, COUNT)})
+
+
+def vtk_files():
+    import vtk
+    from vtk.util.numpy_support import numpy_to_vtk
+
+    def cloud(of):
+        data = of()
+        points = vtk.vtkPoints()
+        points.SetData(numpy_to_vtk(positions, deep=True))
+        data.SetPoints(points)
+        for name, values in (("mass", np.linspace(0, 1, COUNT)), ("velocity", velocities)):
+            array = numpy_to_vtk(values, deep=True)
+            array.SetName(name)
+            data.GetPointData().AddArray(array)
+        return data
+
+    def put(writer, name, data, **settings):
+        writer = writer()
+        writer.SetFileName(name)
+        writer.SetInputData(data)
+        for key, value in settings.items():
+            getattr(writer, key)(*value)
+        writer.Write()
+
+    poly, grid = cloud(vtk.vtkPolyData), cloud(vtk.vtkUnstructuredGrid)
+    put(vtk.vtkPolyDataWriter, "legacy_text.vtk", poly, SetFileTypeToASCII=())
+    put(vtk.vtkPolyDataWriter, "legacy_binary.vtk", poly, SetFileTypeToBinary=())
+    put(vtk.vtkXMLPolyDataWriter, "text.vtp", poly, SetDataModeToAscii=())
+    put(vtk.vtkXMLPolyDataWriter, "appended_zlib.vtp", poly, SetDataModeToAppended=(), SetCompressorTypeToZLib=())
+    put(vtk.vtkXMLPolyDataWriter, "appended_raw.vtp", poly, SetDataModeToAppended=(), SetCompressorTypeToNone=(), EncodeAppendedDataOff=())
+    put(vtk.vtkXMLUnstructuredGridWriter, "base64_lz4.vtu", grid, SetDataModeToBinary=(), SetCompressorTypeToLZ4=())
+    put(vtk.vtkXMLPPolyDataWriter, "parallel.pvtp", poly, SetNumberOfPieces=(1,), SetDataModeToAppended=(), SetCompressorTypeToNone=())
+    write("list.pvd", '<?xml version="1.0"?>\n<VTKFile type="Collection" version="0.1">\n<Collection>\n'
+          '<DataSet timestep="0" file="text.vtp"/>\n<DataSet timestep="1" file="appended_raw.vtp"/>\n</Collection>\n</VTKFile>\n')
+    write("list.vtp.series", '{"file-series-version": "1.0", "files": [{"name": "text.vtp", "time": 0}, {"name": "appended_raw.vtp", "time": 1}]}\n')
+    image = vtk.vtkImageData()
+    image.SetDimensions(3, 3, 3)
+    array = numpy_to_vtk(positions.reshape(-1)[:27], deep=True)
+    array.SetName("density")
+    image.GetPointData().SetScalars(array)
+    put(vtk.vtkXMLImageDataWriter, "grid.vti", image, SetDataModeToAppended=(), SetCompressorTypeToZLib=())
+
+
+def sky():
+    import OpenEXR
+
+    pixels = random.uniform(0.0, 2.0, (4, 8, 3)).astype(np.float16)
+    OpenEXR.File({"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}, {"RGB": pixels}).write("sky.exr")
+
+
+def converted(tyndall):
+    for name in ("houdini.bgeo", "krakatoa.prt", "megamol.mmpld", "binary.ply"):
+        if os.path.exists(name):
+            os.remove(name)
+        subprocess.run([tyndall, "convert", "--quiet", "extended.xyz" if name != "binary.ply" else "table.csv", "-o", name], check=True)
+
+
+if __name__ == "__main__":
+    text()
+    binary()
+    trajectories()
+    clouds()
+    vtk_files()
+    sky()
+    converted(os.path.abspath(sys.argv[1]))
