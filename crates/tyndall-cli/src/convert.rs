@@ -13,7 +13,7 @@ use crate::{args, input, plan, progress};
 pub(crate) fn run(args: &args::Convert, report: &Report) -> Outcome<()> {
     let pattern = Pattern::new(&args.output);
     let holds_frames = write::particles::holds_frames(&pattern.name(0)).map_err(Failure::Output)?;
-    let sequence = input::open(&args.input, report)?;
+    let sequence = input::open(&args.input, None, report)?;
     let takes_all = pattern.is_numbered() || holds_frames;
     let chosen = plan::chosen(args.frame, args.frames.as_ref(), takes_all, sequence.len())?;
     if !takes_all && args.frame.is_none() && args.frames.is_none() && sequence.len() > 1 {

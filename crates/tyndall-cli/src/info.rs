@@ -18,7 +18,7 @@ pub(crate) fn run(args: &args::Info, report: &Report) -> Outcome<()> {
     let settings = Settings { width: 1, height: 1, samples: 1, ..Settings::default() };
     let work = Work::of_count(input::known_count(&args.input.files)?, Kind::Brute, settings);
     dry_run::check_memory(&work, work.memory_bytes(), None)?;
-    let sequence = input::open(&args.input, report)?;
+    let sequence = input::open(&args.input, None, report)?;
     let number = frame_number(args.frame, sequence.len())?;
     let saved = sequence.saved(number)?;
     if args.check {

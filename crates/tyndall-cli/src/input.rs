@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use tyndall::scene::grouped;
+use tyndall::scene::wanted::Wanted;
 use tyndall::structure::Kind;
 use tyndall::{Error, Particles, synthetic};
 use tyndall_io::{Frame, Options, Sequence, saved};
@@ -10,8 +11,8 @@ use tyndall_io::{Frame, Options, Sequence, saved};
 use crate::args::{Coords, Input, OnBad};
 use crate::report::{Outcome, Report};
 
-/// Opens the files as one sequence.
-pub(crate) fn open(input: &Input, report: &Report) -> Outcome<Sequence> {
+/// Opens the files as one sequence. Of their attributes only those that are wanted need be read: all if nothing is said.
+pub(crate) fn open(input: &Input, wanted: Option<Wanted>, report: &Report) -> Outcome<Sequence> {
     let options = Options {
         columns: input.columns.clone(),
         format: input.format.clone(),
@@ -20,6 +21,7 @@ pub(crate) fn open(input: &Input, report: &Report) -> Outcome<Sequence> {
         assembly: input.assembly.clone(),
         types: input.types.clone(),
         dataset: input.dataset.clone(),
+        wanted,
     };
     Ok(Sequence::open(&input.files, &options, report.progress())?)
 }

@@ -16,6 +16,7 @@ use tyndall::scene::guesses::{Guesses, Shown};
 use tyndall::scene::light::Lighting;
 use tyndall::scene::outline::Outline;
 use tyndall::scene::viewpoint::{Lens, Motion, Viewpoint, too_small, why_unseen};
+use tyndall::scene::wanted::Wanted;
 use tyndall::scene::{Scene, short};
 use tyndall::structure::saved::RadiiOf;
 use tyndall::structure::{Kind, Spheres, Structure};
@@ -45,7 +46,12 @@ pub(crate) fn run(args: &args::Render, report: &Report) -> Outcome<()> {
     let mut output = Output::new(args, report)?;
     let known = input::known_count(&args.input.files)?;
     job.check_memory(&Work::of_count(known, job.structure, job.settings), Reading::Parts)?;
-    let sequence = input::open(&args.input, report)?;
+    let wanted = Wanted {
+        coloring: args.look.color.clone(),
+        filters: args.selection.filters.clone(),
+        radii: args.look.radius.is_none(),
+    };
+    let sequence = input::open(&args.input, Some(wanted), report)?;
     let pictures = plan::pictures(args, &job.pattern, sequence.len(), report)?;
     if args.method.dry_run {
         return job.dry_run(&sequence, &pictures);

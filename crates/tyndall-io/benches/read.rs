@@ -1,7 +1,7 @@
-//! How fast text is read: a generated file for each format, in MB/s of the file.
+//! How fast files are read that lie in the system's cache: a generated file for each hot path, in MB/s of the file.
 //!
 //! One thread: `RAYON_NUM_THREADS=1 cargo bench -p tyndall-io --bench read`. The files have `TYNDALL_BENCH_ROWS` rows (default
-//! 4,000,000, 200 to 260 MB) and lie in the temporary folder while the benchmark runs.
+//! 4,000,000, of text 200 to 260 MB) and lie in the temporary folder while the benchmark runs.
 #![allow(clippy::unwrap_used, reason = "a benchmark that cannot run should stop")]
 
 use std::io::{BufWriter, Write};
@@ -9,7 +9,8 @@ use std::path::PathBuf;
 
 use divan::Bencher;
 use divan::counter::BytesCount;
-use tyndall_io::{Options, Sequence};
+use tyndall::scene::wanted::Wanted;
+use tyndall_io::{Options, Sequence, write};
 
 fn main() {
     divan::main();
@@ -46,16 +47,46 @@ fn generated(name: &str, header: &str, row: impl Fn(u64, [f64; 6]) -> String) ->
     Generated(path)
 }
 
+/// Writes particles in the format of an extension.
+fn converted(extension: &str) -> Generated {
+    let path = std::env::temp_dir().join(format!("tyndall-bench-{}.{extension}", std::process::id()));
+    let source = format!("synthetic:fluid?n={}", rows());
+    let sequence = Sequence::open(&[source.into()], &Options::default(), &()).unwrap();
+    write::particles::particles(&path, None, 1, |frame| Ok(sequence.frame(frame, &())?.particles)).unwrap();
+    Generated(path)
+}
+
 fn read(bencher: Bencher, file: &Generated) {
+    read_with(bencher, file, &Options::default());
+}
+
+fn read_with(bencher: Bencher, file: &Generated, options: &Options) {
     let bytes = std::fs::metadata(&file.0).unwrap().len();
     bencher.counter(BytesCount::new(bytes)).bench(|| {
-        let sequence = Sequence::open(std::slice::from_ref(&file.0), &Options::default(), &()).unwrap();
+        let sequence = Sequence::open(std::slice::from_ref(&file.0), options, &()).unwrap();
         sequence.frame(0, &()).unwrap()
     });
 }
 
+/// Formats of columns or rows of numbers.
+#[divan::bench(args = ["npy", "ply", "mmpld", "bgeo", "prt", "vtp"], sample_count = 5, sample_size = 1)]
+fn binary(bencher: Bencher, extension: &str) {
+    read(bencher, &converted(extension));
+}
+
 #[divan::bench(sample_count = 5, sample_size = 1)]
 fn lammps(bencher: Bencher) {
+    read(bencher, &dump());
+}
+
+/// What a picture in one color looks at.
+#[divan::bench(sample_count = 5, sample_size = 1)]
+fn lammps_positions(bencher: Bencher) {
+    let wanted = Wanted { coloring: "#fff".parse().unwrap(), filters: Vec::new(), radii: false };
+    read_with(bencher, &dump(), &Options { wanted: Some(wanted), ..Options::default() });
+}
+
+fn dump() -> Generated {
     let header = format!(
         "ITEM: TIMESTEP\n0\nITEM: NUMBER OF ATOMS\n{}\nITEM: BOX BOUNDS pp pp pp\n0 200\n0 200\n0 200\nITEM: ATOMS id type x y z vx vy vz\n",
         rows()
@@ -63,7 +94,7 @@ fn lammps(bencher: Bencher) {
     let row = |k: u64, [x, y, z, u, v, w]: [f64; 6]| {
         format!("{} {} {x:.4} {y:.4} {z:.4} {u:.5} -{v:.5} {w:.5}\n", k + 1, k % 3 + 1)
     };
-    read(bencher, &generated("a.dump", &header, row));
+    generated("a.dump", &header, row)
 }
 
 #[divan::bench(sample_count = 5, sample_size = 1)]

@@ -9,6 +9,7 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 
 use rayon::prelude::*;
+use tyndall::scene::wanted::Wanted;
 use tyndall::{Error, Particles, Progress, Result};
 
 use crate::parts::Parts;
@@ -37,6 +38,8 @@ pub struct Options {
     pub types: Option<Vec<String>>,
     /// Which data set of an HDF5 file has the positions, or which group of an H5MD file the particles, where there are several.
     pub dataset: Option<String>,
+    /// What the attributes are for: others are left out, where the format lets a reader pass over them. All are read if `None`.
+    pub wanted: Option<Wanted>,
 }
 
 /// One frame of a sequence.
@@ -315,20 +318,21 @@ impl FileSource {
                 index
             }
             Open::Text { index, .. } => {
-                let map;
+                let (map, released);
                 let mut doubt = None;
-                let feed = match packing {
+                let mut feed = match packing {
                     Packing::Plain => {
                         map = read::map(path)?;
+                        released = map.released(progress);
                         doubt = read::open_end(&map);
-                        Feed::over(path, &map)
+                        Feed::over(path, &map).told_to(&released)
                     }
                     _ if keep => {
-                        stream(path, packing)?.keeping(SMALL_BYTES.min(SMALL_GROWTH * file_bytes(path)))
+                        let most = SMALL_BYTES.min(SMALL_GROWTH * file_bytes(path));
+                        stream(path, packing)?.keeping(most).told_to(progress)
                     }
-                    _ => stream(path, packing)?,
+                    _ => stream(path, packing)?.told_to(progress),
                 };
-                let mut feed = feed.told_to(progress);
                 let mut index = index(&mut feed)?;
                 told = feed.told();
                 content = feed.into_kept().map(Arc::new);
@@ -359,7 +363,8 @@ impl FileSource {
         let span = self.index.frames[frame];
         let mut frame = match &self.format.open {
             Open::Whole(read) if self.packing == Packing::Plain => {
-                read(&self.path, &read::map(&self.path)?, progress)?
+                let map = read::map(&self.path)?;
+                read(&self.path, &map, &map.released(progress))?
             }
             Open::Whole(read) => {
                 read(&self.path, &read::unpacked(&self.path, self.packing, progress)?, progress)?
@@ -367,28 +372,34 @@ impl FileSource {
             Open::Binary { frame, .. } => {
                 let units = self.index.units.as_deref();
                 let request = Request { options, bytes: span.bytes, units, topology };
-                let read_from = |bytes: &[u8]| frame(&self.path, bytes, span, &request, progress);
+                let read_from = |bytes: &[u8], progress: &dyn Progress| {
+                    frame(&self.path, bytes, span, &request, progress)
+                };
                 match self.content() {
-                    Some(content) => read_from(&content)?,
-                    None if self.packing == Packing::Plain => read_from(&read::map(&self.path)?)?,
-                    None => read_from(&read::unpacked(&self.path, self.packing, progress)?)?,
+                    Some(content) => read_from(&content, progress)?,
+                    None if self.packing == Packing::Plain => {
+                        let map = read::map(&self.path)?;
+                        read_from(&map, &map.released(progress))?
+                    }
+                    None => read_from(&read::unpacked(&self.path, self.packing, progress)?, progress)?,
                 }
             }
             Open::Text { frame, .. } => {
-                let read_at = |feed: &mut Feed, bytes: Option<u64>| {
+                let read_at = |feed: &mut Feed, bytes: Option<u64>, progress: &dyn Progress| {
                     feed.skip_to(span.offset, span.line, progress)?;
                     let units = self.index.units.as_deref();
                     let request = Request { options, bytes: span.bytes.or(bytes), units, topology };
                     frame(feed, &request, progress)
                 };
                 if let Some(content) = self.content() {
-                    read_at(&mut Feed::over(&self.path, &content), Some(content.len() as u64))?
+                    read_at(&mut Feed::over(&self.path, &content), Some(content.len() as u64), progress)?
                 } else if self.packing == Packing::Plain {
                     let map = read::map(&self.path)?;
-                    read_at(&mut Feed::over(&self.path, &map), Some(map.len() as u64))?
+                    let mut feed = Feed::over(&self.path, &map);
+                    read_at(&mut feed, Some(map.len() as u64), &map.released(progress))?
                 } else {
                     let mut feed = self.resumed(span.offset)?;
-                    let frame = read_at(&mut feed, None)?;
+                    let frame = read_at(&mut feed, None, progress)?;
                     // Another thread may have left its own place meanwhile; either is as good.
                     *self.resume.lock().unwrap_or_else(PoisonError::into_inner) = Some(feed);
                     frame

@@ -690,6 +690,11 @@ fn check_lengths(count: usize, attributes: &[Attribute]) -> Result<()> {
     }
 }
 
+/// Whether an attribute of this name may be taken for radii.
+pub(crate) fn is_radius(name: &str) -> bool {
+    RADIUS_NAMES.iter().any(|(known, _)| known.eq_ignore_ascii_case(name))
+}
+
 /// The first attribute that is named like a radius.
 fn radii_by_name(attributes: &[Attribute]) -> Option<Radii> {
     RADIUS_NAMES.iter().find_map(|&(name, scale)| {

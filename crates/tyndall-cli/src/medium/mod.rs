@@ -86,7 +86,7 @@ pub(crate) fn run(args: &Render, report: &Report) -> Outcome<()> {
     job.check()?;
     let mut output = Output::new(args, report)?;
     let pattern = Pattern::new(&args.picture.output);
-    let sequence = input::open(&args.input, report)?;
+    let sequence = input::open(&args.input, None, report)?;
     let pictures = plan::pictures(args, &pattern, sequence.len(), report)?;
     if args.method.dry_run {
         let frame = input::read(&sequence, pictures[0].frame, &args.input, report)?;

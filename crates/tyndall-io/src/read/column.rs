@@ -8,6 +8,8 @@ use std::collections::HashMap;
 
 use tyndall::Values;
 
+use super::decimal::{self, Found};
+
 /// What a column is before its first value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Kind {
@@ -73,15 +75,79 @@ fn closing_quote(inside: &[u8]) -> Option<usize> {
     }
 }
 
+/// What is left of a line, and the text behind it: fast readers look at many bytes at once.
+#[derive(Clone, Copy)]
+pub(crate) struct Rest<'a> {
+    /// What is left, and what follows.
+    text: &'a [u8],
+    /// How much of it belongs to the line.
+    length: usize,
+}
+
+impl<'a> Rest<'a> {
+    /// The line that ends at `end` of `text`, from `at` on.
+    #[inline(always)]
+    pub(crate) fn of(text: &'a [u8], at: usize, end: usize) -> Self {
+        Self { text: &text[at..], length: end - at }
+    }
+
+    /// What is left of the line.
+    #[inline(always)]
+    pub(crate) fn line(self) -> &'a [u8] {
+        &self.text[..self.length]
+    }
+
+    /// The number at the front and how many bytes it takes: what was found, if it is a whole field, else what `slow` finds.
+    #[inline(always)]
+    fn number<T>(
+        self,
+        separator: Separator,
+        found: Option<Found<T>>,
+        slow: impl FnOnce(&[u8], Separator) -> Option<(T, usize)>,
+    ) -> Option<(T, usize)> {
+        match found {
+            // A field ends at a blank, and so does a line: no byte below a blank belongs to a number.
+            Some(Found { value, taken, next }) if next <= b' ' || Some(next) == separator.byte => {
+                Some((value, taken))
+            }
+            _ => slow(self.line(), separator),
+        }
+    }
+}
+
+impl<'a> From<&'a [u8]> for Rest<'a> {
+    fn from(line: &'a [u8]) -> Self {
+        Self { text: line, length: line.len() }
+    }
+}
+
 /// The number at the front of `rest` and how many bytes it takes; `None` if it is none. A missing value is NaN.
-#[inline]
-pub(crate) fn number(rest: &[u8], separator: Separator) -> Option<(f64, usize)> {
+#[inline(always)]
+pub(crate) fn number<'a>(rest: impl Into<Rest<'a>>, separator: Separator) -> Option<(f64, usize)> {
+    let rest = rest.into();
+    rest.number(separator, decimal::double(rest.text), long_number)
+}
+
+/// Numbers with many digits, and those at the end of the text.
+#[inline(never)]
+fn long_number(rest: &[u8], separator: Separator) -> Option<(f64, usize)> {
     if let Ok((value, taken)) = fast_float2::parse_partial::<f64, _>(rest)
         && rest.get(taken).is_none_or(|&byte| separator.ends(byte))
     {
         return Some((value, taken));
     }
     unusual_number(rest, separator)
+}
+
+/// The same in single precision.
+#[inline(never)]
+fn long_single(rest: &[u8], separator: Separator) -> Option<(f32, usize)> {
+    if let Ok((value, taken)) = fast_float2::parse_partial::<f32, _>(rest)
+        && rest.get(taken).is_none_or(|&byte| separator.ends(byte))
+    {
+        return Some((value, taken));
+    }
+    unusual_number(rest, separator).map(|(value, taken)| (value as f32, taken))
 }
 
 /// Numbers as Fortran, Windows and spreadsheets write them.
@@ -113,8 +179,15 @@ fn spell(byte: u8, separator: Separator) -> u8 {
 }
 
 /// The integer at the front of `rest` and how many bytes it takes; `None` if it is none or needs more than 64 bits.
-#[inline]
-fn integer(rest: &[u8], separator: Separator) -> Option<(i64, usize)> {
+#[inline(always)]
+fn integer<'a>(rest: impl Into<Rest<'a>>, separator: Separator) -> Option<(i64, usize)> {
+    let rest = rest.into();
+    rest.number(separator, decimal::integer(rest.text), long_integer)
+}
+
+/// Integers with many digits, and those at the end of the text.
+#[inline(never)]
+fn long_integer(rest: &[u8], separator: Separator) -> Option<(i64, usize)> {
     let signed = usize::from(matches!(rest.first(), Some(b'-' | b'+')));
     let digits = rest[signed..].iter().take_while(|it| it.is_ascii_digit()).count();
     let end = signed + digits;
@@ -152,18 +225,13 @@ impl Column {
     }
 
     /// Appends the field at the front of `rest`; says how many bytes it takes, `None` if it does not fit the column.
-    #[inline]
-    pub(crate) fn push(&mut self, rest: &[u8], separator: Separator) -> Option<usize> {
+    #[inline(always)]
+    pub(crate) fn push<'a>(&mut self, rest: impl Into<Rest<'a>>, separator: Separator) -> Option<usize> {
+        let rest = rest.into();
         match self {
             Self::Float(column) => {
-                if let Ok((value, taken)) = fast_float2::parse_partial::<f32, _>(rest)
-                    && rest.get(taken).is_none_or(|&byte| separator.ends(byte))
-                {
-                    column.push(value);
-                    return Some(taken);
-                }
-                let (value, taken) = unusual_number(rest, separator)?;
-                column.push(value as f32);
+                let (value, taken) = rest.number(separator, decimal::single(rest.text), long_single)?;
+                column.push(value);
                 return Some(taken);
             }
             Self::Int(column) => {
@@ -186,17 +254,17 @@ impl Column {
                 return Some(taken);
             }
             Self::Truth(column) => {
-                let (token, taken) = separator.token(rest);
+                let (token, taken) = separator.token(rest.line());
                 column.push(truth(token)?);
                 return Some(taken);
             }
             Self::Text(words) => {
-                let (token, taken) = separator.token(rest);
+                let (token, taken) = separator.token(rest.line());
                 words.push(token);
                 return Some(taken);
             }
         }
-        self.widen(rest, separator)
+        self.widen(rest.line(), separator)
     }
 
     /// Makes room for the number at the front of `rest`, which is no 32-bit (or no) integer, and appends it.
@@ -295,6 +363,18 @@ pub(crate) struct Words {
     codes: Vec<u32>,
     names: Vec<String>,
     known: HashMap<Vec<u8>, u32>,
+    /// The first words as numbers: see [`number_of_word`].
+    first: Vec<Option<u64>>,
+}
+
+/// So many words are looked up without a hash. Elements and types are fewer.
+const FIRST_WORDS: usize = 16;
+
+/// A word of up to seven bytes as a number that no other word has.
+#[inline(always)]
+fn number_of_word(word: &[u8]) -> Option<u64> {
+    (word.len() < 8)
+        .then(|| word.iter().fold(word.len() as u64, |number, &byte| number << 8 | u64::from(byte)))
 }
 
 impl Words {
@@ -308,7 +388,11 @@ impl Words {
     pub(crate) fn push(&mut self, token: &[u8]) {
         // Neighbors are often alike: look at the last word first.
         let last = self.codes.last().copied().filter(|&code| self.names[code as usize].as_bytes() == token);
-        let code = last.unwrap_or_else(|| self.code(token));
+        let code = last.unwrap_or_else(|| {
+            let number = number_of_word(token);
+            let place = self.first.iter().position(|it| number.is_some() && *it == number);
+            place.map_or_else(|| self.code(token), |place| place as u32)
+        });
         self.codes.push(code);
     }
 
@@ -319,6 +403,9 @@ impl Words {
         let code = self.names.len() as u32;
         self.names.push(String::from_utf8_lossy(token).replace("\"\"", "\""));
         self.known.insert(token.to_vec(), code);
+        if self.first.len() < FIRST_WORDS {
+            self.first.push(number_of_word(token));
+        }
         code
     }
 
@@ -379,6 +466,17 @@ mod tests {
         assert!(value(",2", COMMA).unwrap().0.is_nan());
         assert_eq!(value("abc", COMMA), None);
         assert_eq!(value("1.2.3", Separator::BLANKS), None);
+    }
+
+    #[test]
+    fn many_and_long_words_keep_their_codes() {
+        let words: Vec<String> = (0..60).map(|k| ["a".repeat(k % 20), k.to_string()].concat()).collect();
+        let mut column = Column::new(Kind::Text, 0);
+        for word in words.iter().chain(words.iter().rev()) {
+            column.push(word.as_bytes(), Separator::BLANKS).unwrap();
+        }
+        let codes = (0..60).chain((0..60).rev()).collect();
+        assert_eq!(column.into_values(), Values::Text { codes, names: words });
     }
 
     #[test]

@@ -2,15 +2,15 @@
 
 use std::path::Path;
 
-use memmap2::Mmap;
 use tyndall::Result;
 
+use super::map::Map;
 use super::{Packing, map, unpack, unpacked};
 
 /// The content of a file.
 pub(crate) enum Content {
     /// As it is on disk.
-    Mapped(Mmap),
+    Mapped(Map),
     /// Unpacked.
     Unpacked(Vec<u8>),
 }
@@ -20,6 +20,16 @@ impl AsRef<[u8]> for Content {
         match self {
             Self::Mapped(map) => map,
             Self::Unpacked(bytes) => bytes,
+        }
+    }
+}
+
+impl Content {
+    /// The map, if it is one.
+    pub(crate) fn map(&self) -> Option<&Map> {
+        match self {
+            Self::Mapped(map) => Some(map),
+            Self::Unpacked(_) => None,
         }
     }
 }

@@ -12,7 +12,7 @@ use tyndall::{Cell, Columns, DVec3, Progress, Result};
 
 use super::cursor::Cursor;
 use super::numbers::{Kind, Number, Order};
-use super::records::{self, Source};
+use super::records::{self, Layout, Source};
 use super::{Index, Request, Span, finish, molecules};
 use crate::sequence::{Frame, Options};
 
@@ -223,7 +223,11 @@ pub(crate) fn frame(
     let vector = |columns: &[Source; 3], place: usize| DVec3::from_array(columns.map(|it| it.number(place)));
     let count = header.count as usize;
     let positions = match header.free.as_ref().filter(|_| !is_first) {
-        None => records::positions(count, None, |id| vector(&columns, id)),
+        None => {
+            let axes = columns.map(Some);
+            let total = span.bytes.unwrap_or_default() as usize;
+            Layout { count, axes, fields: vec![] }.gather(path, total, progress)?.into_columns().positions
+        }
         Some(free) => {
             // Those that are fixed are where they were in the first frame.
             let (_, first) = header.frame(&mut at(header.end), true)?;
@@ -232,10 +236,10 @@ pub(crate) fn frame(
             for (place, &id) in free.iter().enumerate() {
                 all[id] = vector(&columns, place);
             }
+            progress.advance(span.bytes.unwrap_or_default());
             records::positions(count, None, |id| all[id])
         }
     };
-    progress.advance(span.bytes.unwrap_or_default());
     if header.has_fourth {
         warnings.push("left out: the fourth coordinate of every atom".to_string());
     }

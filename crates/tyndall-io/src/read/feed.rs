@@ -8,14 +8,19 @@ use std::io::{ErrorKind, Read};
 use std::path::{Path, PathBuf};
 
 use memchr::{memchr, memchr_iter, memrchr};
+use rayon::prelude::*;
 use tyndall::{Error, Progress, Result};
 
 use super::unpack::Stream;
 
 /// The longest line that is taken for text.
 const LONGEST_LINE: usize = 64 << 20;
-/// How much is looked at together, at most, when lines are counted.
+/// How much of a stream is looked at together, at most, when lines are counted.
 const WINDOW: usize = 1 << 18;
+/// How much of a map is: enough for several threads.
+const MAPPED_WINDOW: usize = 8 << 20;
+/// How much of it one thread looks at.
+const SHARE: usize = 1 << 19;
 /// How much a stream unpacks at once.
 const STREAM_STEP: usize = 1 << 20;
 /// How much content is passed over between two words to who listens: at most a few hundred times a second.
@@ -228,13 +233,14 @@ impl<'a> Feed<'a> {
     /// Passes over `lines` lines; says how many there were, which is less only at the end of the content.
     pub(crate) fn skip_lines(&mut self, lines: u64) -> Result<u64> {
         let mut skipped = 0;
+        let widest = if self.stream.is_some() { WINDOW } else { MAPPED_WINDOW } as u64;
         while skipped < lines {
             // For few lines a narrow window: small frames must not cost a look at much more than themselves.
-            let width = (lines - skipped).saturating_mul(64).clamp(1 << 12, WINDOW as u64) as usize;
+            let width = (lines - skipped).saturating_mul(64).clamp(1 << 12, widest) as usize;
             self.fill(width + 1)?;
             let unread = self.unread();
             let window = &unread[..width.min(unread.len())];
-            let found = memchr_iter(b'\n', window).count() as u64;
+            let found = line_feeds(window);
             let whole = memrchr(b'\n', window).map_or(0, |place| place + 1);
             if found >= lines - skipped {
                 let nth = (lines - skipped - 1) as usize;
@@ -340,13 +346,19 @@ impl<'a> Feed<'a> {
 
 /// Where the first `rows` lines of `bytes` end, and how many lines that are.
 fn block_end(bytes: &[u8], rows: u64) -> (usize, u64) {
-    let feeds = memchr_iter(b'\n', bytes).count() as u64;
+    let feeds = line_feeds(bytes);
     let lines = feeds + u64::from(!bytes.ends_with(b"\n"));
     if lines <= rows {
         return (bytes.len(), lines);
     }
     let end = memchr_iter(b'\n', bytes).nth(rows as usize - 1).expect("there are more lines than rows");
     (end + 1, rows)
+}
+
+fn line_feeds(bytes: &[u8]) -> u64 {
+    let of_share = |share: &[u8]| memchr_iter(b'\n', share).count() as u64;
+    // Most calls are for a few lines, which are not worth a thread.
+    if bytes.len() <= SHARE { of_share(bytes) } else { bytes.par_chunks(SHARE).map(of_share).sum() }
 }
 
 /// Whether a stream has more to give.

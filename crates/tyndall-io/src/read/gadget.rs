@@ -16,7 +16,7 @@ use super::numbers::{Kind, Order};
 use super::records::{self, Source};
 use super::sections::{self, Column, Section, Value};
 use super::snapshot::{self, GADGET_TYPES};
-use super::{Index, Request, Span};
+use super::{Index, Request, Span, map};
 use crate::sequence::{Frame, Options};
 
 const HINT: &str = "was the file copied to its end, and is it a Gadget snapshot?";
@@ -394,6 +394,8 @@ pub(crate) fn frame(
         .collect::<Result<_>>()?;
     let total = files.iter().map(|it| it.bytes.len() as u64).sum();
     progress.begin("read", Some(total), "B");
+    let maps = others.iter().flatten().filter_map(Content::map);
+    let progress = &map::released(maps, progress);
 
     let chosen = |file: &File, kind: usize| wanted[kind] && file.header.counts[kind] > 0;
     let runs: Vec<(&File, usize)> = files
@@ -416,6 +418,8 @@ pub(crate) fn frame(
             columns.push(Column::new("mass", 1));
         }
     }
+    let flags = sections::flags(&columns, request.options.wanted.as_ref());
+    let columns = sections::flagged(columns, &flags);
     let sections: Vec<Section> = runs
         .iter()
         .map(|&(file, kind)| {

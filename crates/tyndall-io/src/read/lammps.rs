@@ -220,7 +220,7 @@ pub(crate) fn frame(feed: &mut Feed, request: &Request, progress: &dyn Progress)
         headings.push(Heading::scalar(name, kind));
     }
     let cell = header.cell;
-    let layout = Layout {
+    let mut layout = Layout {
         separator: Separator::BLANKS,
         roles,
         headings,
@@ -228,6 +228,7 @@ pub(crate) fn frame(feed: &mut Feed, request: &Request, progress: &dyn Progress)
         gaps: false,
         origin: cell.map(|cell| cell.center()).filter(|center| center.is_finite()),
     };
+    layout.keep(request.options.wanted.as_ref());
     let rows = rows::read(feed, &layout, header.count, request.bytes, progress)?;
     let columns = Columns {
         positions: rows.positions,

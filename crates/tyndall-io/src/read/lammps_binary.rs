@@ -15,6 +15,7 @@ use super::cursor::Cursor;
 use super::lammps::{self, MEASURED};
 use super::numbers::{Kind, Order};
 use super::records::{self, Field, Layout, Source};
+use super::sections::{self, Column};
 use super::{Index, Request, Span};
 use crate::sequence::{Frame, Options};
 
@@ -248,6 +249,8 @@ pub(crate) fn frame(
     let scaled = scaled || request.options.scaled;
 
     let others: Vec<usize> = (0..size).filter(|column| !axes.contains(column)).collect();
+    let offered: Vec<Column> = others.iter().map(|&column| Column::new(&names[column], 1)).collect();
+    let others = sections::flagged(others, &sections::flags(&offered, request.options.wanted.as_ref()));
     let layout = |&(place, count): &(usize, usize)| {
         let source = |column: usize| Source {
             bytes,

@@ -9,6 +9,7 @@ mod packed;
 use std::path::Path;
 
 use glam::DVec3;
+use rayon::prelude::*;
 use tyndall::{Error, Progress, Result};
 
 use self::packed::{Packed, Packing};
@@ -227,24 +228,30 @@ pub(crate) fn read(path: &Path, bytes: &[u8], progress: &dyn Progress) -> Result
         (0..head[0].len()).map(|id| DVec3::new(head[0][id], head[1][id], head[2][id])).collect();
     let columns = quantities.iter().map(|(name, place)| (name.to_string(), 1, place.kind()));
     let mut builder = Builder::new(count, &head, columns);
-    let mut start = 0;
-    for (mut slots, &rows_here) in builder.split(&rows).into_iter().zip(&rows) {
+    let fill_batch = |start: usize, mut slots: Vec<records::Slot>, records: &[u8]| {
         if progress.cancelled() {
             return Err(Error::Interrupted);
         }
-        let records = if unpacked.is_empty() {
-            &bytes[header.start + start * record..][..rows_here * record]
-        } else {
-            if start > 0 {
-                unpack(&mut unpacked[..rows_here * record])?;
-            }
-            &unpacked[..rows_here * record]
-        };
         let axes = [0, 1, 2].map(|axis| coordinates(records, &header, axis));
         fill(&mut slots, &axes, records, record, &quantities);
         let share = |rows: usize| rows as u128 * bytes.len() as u128 / count as u128;
-        progress.advance((share(start + rows_here) - share(start)) as u64);
-        start += rows_here;
+        progress.advance((share(start + records.len() / record) - share(start)) as u64);
+        Ok(())
+    };
+    let batches = builder.split(&rows).into_iter().zip(&rows).enumerate();
+    if unpacked.is_empty() {
+        let batches: Vec<_> = batches.collect();
+        batches.into_par_iter().try_for_each(|(batch, (slots, &rows))| {
+            let start = batch * BATCH;
+            fill_batch(start, slots, &bytes[header.start + start * record..][..rows * record])
+        })?;
+    } else {
+        for (batch, (slots, &rows)) in batches {
+            if batch > 0 {
+                unpack(&mut unpacked[..rows * record])?;
+            }
+            fill_batch(batch * BATCH, slots, &unpacked[..rows * record])?;
+        }
     }
     let columns = builder.into_columns();
 
@@ -271,7 +278,9 @@ fn coordinates(records: &[u8], header: &Header, axis: usize) -> Vec<f64> {
     let source =
         Source { bytes: records, kind: Kind::I32, order: Order::Little, start: 4 * axis, stride, step: 0 };
     let (scale, offset) = (header.scale[axis], header.offset[axis]);
-    (0..records.len() / stride).map(|id| source.number(id) * scale + offset).collect()
+    let mut values = vec![0.0; records.len() / stride];
+    source.convert_all(&mut values, 0, 1, |number| number * scale + offset);
+    values
 }
 
 /// Numbers in this machine's order of bytes.
@@ -306,7 +315,8 @@ fn fill(
             }
             Place::Angle(start) => {
                 let source = Source { bytes, kind: Kind::I16, order: Order::Little, start, stride, step: 0 };
-                let values: Vec<f32> = (0..count).map(|id| (0.006 * source.number(id)) as f32).collect();
+                let mut values = vec![0.0; count];
+                source.convert_all(&mut values, 0, 1, |number| (0.006 * number) as f32);
                 slot.fill(&native(bytemuck::cast_slice(&values), Kind::F32), 0, 1, 0..count);
             }
         }

@@ -13,6 +13,7 @@ mod column;
 mod content;
 mod cursor;
 mod dcd;
+mod decimal;
 mod density;
 mod e57;
 mod feed;

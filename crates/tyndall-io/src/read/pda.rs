@@ -126,8 +126,9 @@ pub(crate) fn index(feed: &mut Feed) -> Result<Index> {
 /// Reads the frame.
 pub(crate) fn frame(feed: &mut Feed, request: &Request, progress: &dyn Progress) -> Result<Frame> {
     let Header { count, roles, headings } = Header::read(feed)?;
-    let layout =
+    let mut layout =
         Layout { separator: Separator::BLANKS, roles, headings, scaled: None, gaps: false, origin: None };
+    layout.keep(request.options.wanted.as_ref());
     let rows = rows::read(feed, &layout, Some(count), request.bytes, progress)?;
     let columns = Columns { positions: rows.positions, attributes: rows.attributes, ..Columns::default() };
     finish(columns, vec![], vec![])

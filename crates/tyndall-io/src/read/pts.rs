@@ -91,8 +91,9 @@ pub(crate) fn frame(feed: &mut Feed, request: &Request, progress: &dyn Progress)
         roles.push(Role::Attribute(headings.len()));
         headings.push(Heading::scalar(*name, kind));
     }
-    let layout =
+    let mut layout =
         Layout { separator: Separator::BLANKS, roles, headings, scaled: None, gaps: false, origin: None };
+    layout.keep(request.options.wanted.as_ref());
     let rows = rows::read(feed, &layout, Some(count), request.bytes, progress)?;
     let columns = Columns { positions: rows.positions, attributes: rows.attributes, ..Columns::default() };
     let conventions = vec![format!("columns: x y z {}", names.join(" ")).trim_end().to_string()];

@@ -69,17 +69,35 @@ impl Source<'_> {
         components: usize,
         convert: impl Fn(T) -> O,
     ) {
-        for (row, values) in out.chunks_exact_mut(components).enumerate() {
-            let mut at = self.start + (first + row) * self.stride;
-            for value in values {
-                *value = convert(T::from_bytes::<BIG>(&self.bytes[at..at + T::SIZE]));
-                at += self.step;
+        let bytes = self.bytes.get(self.start + first * self.stride..).unwrap_or_default();
+        // Most columns are of single values, and lie in rows or side by side; for those the compiler needs no checks.
+        if components == 1 && self.stride == T::SIZE {
+            for (value, bytes) in out.iter_mut().zip(bytes.chunks_exact(T::SIZE)) {
+                *value = convert(T::from_bytes::<BIG>(bytes));
+            }
+        } else if components == 1 && self.stride > T::SIZE {
+            for (value, row) in out.iter_mut().zip(bytes.chunks(self.stride)) {
+                *value = convert(T::from_bytes::<BIG>(&row[..T::SIZE]));
+            }
+        } else {
+            for (row, values) in out.chunks_exact_mut(components).enumerate() {
+                let mut at = row * self.stride;
+                for value in values {
+                    *value = convert(T::from_bytes::<BIG>(&bytes[at..at + T::SIZE]));
+                    at += self.step;
+                }
             }
         }
     }
 
     /// Fills `out` with particles `first..` as f64, converted.
-    fn convert_all<O>(&self, out: &mut [O], first: usize, components: usize, convert: impl Fn(f64) -> O) {
+    pub(super) fn convert_all<O>(
+        &self,
+        out: &mut [O],
+        first: usize,
+        components: usize,
+        convert: impl Fn(f64) -> O,
+    ) {
         match self.kind {
             Kind::I8 => self.fill(out, first, components, |value: i8| convert(value.into())),
             Kind::U8 => self.fill(out, first, components, |value: u8| convert(value.into())),
@@ -229,9 +247,15 @@ pub(crate) fn positions(
         positions.extend(&head);
         positions.origin()
     });
-    let offset = |axis: usize, id: usize| (position(id)[axis] - origin[axis]) as f32;
-    let column = |axis: usize| (0..count).into_par_iter().map(|id| offset(axis, id)).collect();
-    Positions::from_offsets(origin, std::array::from_fn(column))
+    let mut offsets: [Vec<f32>; 3] = std::array::from_fn(|_| vec![0.0; count]);
+    let [x, y, z] = offsets.each_mut().map(|column| column.par_chunks_mut(JOB_ROWS));
+    x.zip(y).zip(z).enumerate().for_each(|(job, ((x, y), z))| {
+        for (row, ((x, y), z)) in x.iter_mut().zip(y).zip(z).enumerate() {
+            let offset = position(job * JOB_ROWS + row) - origin;
+            [*x, *y, *z] = offset.to_array().map(|it| it as f32);
+        }
+    });
+    Positions::from_offsets(origin, offsets)
 }
 
 /// The columns while they are filled.

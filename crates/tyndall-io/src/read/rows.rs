@@ -1,19 +1,20 @@
 //! Rows of text to columns, many slices at once: what XYZ, LAMMPS dumps and tables have in common.
 //!
 //! A block of whole lines is cut into slices at line ends, each slice is parsed into columns of its own, and these are joined
-//! in order. Blocks and slices have fixed sizes, so the result does not depend on the number of threads. In flight are one
-//! block of text and its columns; all else is the final columns.
+//! in order, every column by itself. Blocks and slices have fixed sizes, so the result does not depend on the number of threads. In
+//! flight are one block of text and its columns; all else is the final columns.
 
 use rayon::prelude::*;
+use tyndall::scene::wanted::{Offered, Wanted};
 use tyndall::{Attribute, Cell, DVec3, Error, Positions, Progress, Result};
 
-use super::column::{Column, Kind, Separator, number};
+use super::column::{Column, Kind, Rest, Separator, number};
 use super::feed::Feed;
 
 /// Text that is parsed together.
-const BLOCK: usize = 16 << 20;
+const BLOCK: usize = 8 << 20;
 /// Text that one thread parses at a time.
-const SLICE: usize = 512 << 10;
+const SLICE: usize = 256 << 10;
 /// Rows that are looked at to tell numbers from words.
 const SAMPLE: usize = 100;
 
@@ -24,6 +25,8 @@ pub(crate) enum Role {
     Axis(usize),
     /// The next component of an attribute.
     Attribute(usize),
+    /// Nothing that is wanted.
+    Skipped,
 }
 
 /// An attribute before it is read.
@@ -39,6 +42,12 @@ impl Heading {
     /// A scalar without a unit.
     pub(crate) fn scalar(name: impl Into<String>, kind: Kind) -> Self {
         Self { name: name.into(), components: 1, kind, unit: None }
+    }
+
+    fn offered(&self) -> Offered<'_> {
+        // What begins with whole numbers may go on with others.
+        let is_measured = matches!(self.kind, Kind::Integer | Kind::Float);
+        Offered { name: &self.name, components: self.components, is_measured }
     }
 }
 
@@ -57,6 +66,24 @@ pub(crate) struct Layout {
     pub(crate) gaps: bool,
     /// Where the file's middle is, if that is known.
     pub(crate) origin: Option<DVec3>,
+}
+
+impl Layout {
+    /// Passes over the attributes that are not wanted.
+    pub(crate) fn keep(&mut self, wanted: Option<&Wanted>) {
+        let Some(wanted) = wanted else { return };
+        let flags = wanted.flags(&self.headings.iter().map(Heading::offered).collect::<Vec<_>>());
+        let new_place = |place: usize| flags[..place].iter().filter(|&&it| it).count();
+        for role in &mut self.roles {
+            *role = match *role {
+                Role::Attribute(place) if flags[place] => Role::Attribute(new_place(place)),
+                Role::Attribute(_) => Role::Skipped,
+                role => role,
+            };
+        }
+        let mut flags = flags.iter();
+        self.headings.retain(|_| *flags.next().expect("a flag a heading"));
+    }
 }
 
 /// What was read.
@@ -78,8 +105,8 @@ pub(crate) fn read(
     // A row has at least a digit and a separator a field.
     let most = bytes.map_or(1 << 16, |bytes| bytes / (2 * layout.roles.len() as u64));
     let expected = count.or(bytes.map(|bytes| bytes / row_bytes(feed))).unwrap_or(0).min(most) as usize;
-    let mut positions = layout.origin.map_or_else(Positions::new, Positions::around);
-    positions.reserve(expected);
+    let mut origin = layout.origin;
+    let mut offsets: [Vec<f32>; 3] = std::array::from_fn(|_| Vec::with_capacity(expected));
     let new_column = |it: &Heading| Column::new(it.kind, expected.saturating_mul(it.components));
     let mut columns: Vec<Column> = layout.headings.iter().map(new_column).collect();
 
@@ -95,18 +122,18 @@ pub(crate) fn read(
                 progress.advance(slice.len() as u64);
                 part
             };
-            let parts: Vec<_> = slices.par_iter().map(parse).collect();
+            let read: Vec<_> = slices.par_iter().map(parse).collect();
             let (mut line, mut rows) = (block.first_line, 0);
-            for (part, slice) in parts.into_iter().zip(slices) {
+            let mut parts = Vec::with_capacity(read.len());
+            for (part, slice) in read.into_iter().zip(slices) {
                 let part = part.map_err(|stop| stop.at(&path, line))?;
                 line += part.lines;
                 debug_assert_eq!(part.lines, part_lines(slice));
-                positions.extend(&part.positions);
-                rows += part.positions.len() as u64;
-                for (column, more) in columns.iter_mut().zip(part.columns) {
-                    column.append(more);
-                }
+                rows += part.rows() as u64;
+                parts.push(part);
             }
+            let origin = *origin.get_or_insert_with(|| parts.first().map_or(DVec3::ZERO, Part::middle));
+            join(parts, origin, &mut offsets, &mut columns);
             Ok(rows)
         })?;
         let Some(rows) = parsed else { break };
@@ -122,7 +149,29 @@ pub(crate) fn read(
         unit: heading.unit.clone(),
         values: column.into_values(),
     });
+    let positions = Positions::from_offsets(origin.unwrap_or(DVec3::ZERO), offsets);
     Ok(Rows { positions, attributes: attributes.collect() })
+}
+
+/// Appends what slices had, every column on a thread of its own.
+fn join(mut parts: Vec<Part>, origin: DVec3, offsets: &mut [Vec<f32>; 3], columns: &mut [Column]) {
+    let pieces: Vec<Vec<Column>> = parts.iter_mut().map(|part| std::mem::take(&mut part.columns)).collect();
+    // From a table by slices to one by columns.
+    let mut pieces: Vec<_> = pieces.into_iter().map(Vec::into_iter).collect();
+    let pieces: Vec<Vec<Column>> =
+        columns.iter().map(|_| pieces.iter_mut().filter_map(Iterator::next).collect()).collect();
+    let append = |(column, pieces): (&mut Column, Vec<Column>)| {
+        pieces.into_iter().for_each(|piece| column.append(piece));
+    };
+    let extend = |(axis, offsets): (usize, &mut Vec<f32>)| {
+        for part in &parts {
+            offsets.extend(part.axes[axis].iter().map(|value| (value - origin[axis]) as f32));
+        }
+    };
+    rayon::join(
+        || offsets.par_iter_mut().enumerate().for_each(extend),
+        || columns.par_iter_mut().zip(pieces).for_each(append),
+    );
 }
 
 /// Says that the last value of a text may be cut, where no line end follows it. Two lines before whose last numbers are written
@@ -237,82 +286,121 @@ impl Stop {
     }
 }
 
+/// A line, from `start` to `end` of a text.
+struct Line<'a> {
+    text: &'a [u8],
+    start: usize,
+    end: usize,
+    separator: Separator,
+}
+
 /// A slice, read.
 struct Part {
-    positions: Vec<DVec3>,
+    axes: [Vec<f64>; 3],
     columns: Vec<Column>,
     lines: u64,
 }
 
 impl Part {
     fn read(slice: &[u8], layout: &Layout) -> std::result::Result<Self, Stop> {
+        // Between blanks nearly all numbers stand: the loops for them are made apart.
+        match layout.separator {
+            Separator::BLANKS => Self::read_between(slice, layout, Separator::BLANKS),
+            other => Self::read_between(slice, layout, other),
+        }
+    }
+
+    #[inline(always)]
+    fn read_between(slice: &[u8], layout: &Layout, separator: Separator) -> std::result::Result<Self, Stop> {
         // Most fields have eight bytes or more; a guess that is too small costs a move.
         let guess = slice.len() / (8 * layout.roles.len()) + 1;
         let new_column = |it: &Heading| Column::new(it.kind, guess * it.components);
         let columns = layout.headings.iter().map(new_column).collect();
-        let mut part = Self { positions: Vec::with_capacity(guess), columns, lines: 0 };
-        let mut rest = slice;
-        while !rest.is_empty() {
-            let end = memchr::memchr(b'\n', rest).unwrap_or(rest.len());
-            let line = &rest[..end];
-            let line = line.strip_suffix(b"\r").unwrap_or(line);
-            if !layout.gaps || !is_gap(line) {
+        let axes = std::array::from_fn(|_| Vec::with_capacity(guess));
+        let mut part = Self { axes, columns, lines: 0 };
+        let mut at = 0;
+        while at < slice.len() {
+            let end = memchr::memchr(b'\n', &slice[at..]).map_or(slice.len(), |length| at + length);
+            let next = end + 1;
+            let end = if slice[at..end].ends_with(b"\r") { end - 1 } else { end };
+            if !layout.gaps || !is_gap(&slice[at..end]) {
+                let line = Line { text: slice, start: at, end, separator };
                 part.row(line, layout).map_err(|what| Stop::Fault { line: part.lines, what })?;
             }
             part.lines += 1;
-            rest = &rest[(end + 1).min(rest.len())..];
+            at = next;
         }
         Ok(part)
     }
 
-    #[inline]
-    fn row(&mut self, line: &[u8], layout: &Layout) -> std::result::Result<(), String> {
-        let separator = layout.separator;
+    /// How many particles it has.
+    fn rows(&self) -> usize {
+        self.axes[0].len()
+    }
+
+    /// The middle of its positions.
+    fn middle(&self) -> DVec3 {
+        let position = |row: usize| DVec3::from_array(std::array::from_fn(|axis| self.axes[axis][row]));
+        let mut positions = Positions::new();
+        positions.extend(&(0..self.rows()).map(position).collect::<Vec<_>>());
+        positions.origin()
+    }
+
+    /// Reads a line; gives what is wrong with it if it cannot be read.
+    #[inline(always)]
+    fn row(&mut self, line: Line, layout: &Layout) -> std::result::Result<(), String> {
+        let Line { text, start, end, separator } = line;
+        // The compiler then knows it below.
+        assert!(start <= end && end <= text.len());
         let mut position = DVec3::ZERO;
-        let mut at = 0;
+        let mut at = start;
+        let wrong_count = || wrong_count(&text[start..end], layout);
         for (field, role) in layout.roles.iter().enumerate() {
-            while at < line.len() && separator.is_blank(line[at]) {
+            while at < end && separator.is_blank(text[at]) {
                 at += 1;
             }
-            if at == line.len() {
-                return Err(wrong_count(line, layout));
+            if at == end {
+                return Err(wrong_count());
             }
-            let rest = &line[at..];
+            let rest = Rest::of(text, at, end);
             let taken = match *role {
                 Role::Axis(axis) => number(rest, separator).map(|(value, taken)| {
                     position[axis] = value;
                     taken
                 }),
                 Role::Attribute(attribute) => self.columns[attribute].push(rest, separator),
+                Role::Skipped => Some(separator.token(rest.line()).1),
             };
-            at += taken.ok_or_else(|| wrong_value(line, layout, field, rest))?;
+            let wrong_value = || wrong_value(&text[start..end], layout, field, rest.line());
+            at += taken.ok_or_else(wrong_value)?;
             if let Some(byte) = separator.byte {
-                while at < line.len() && separator.is_blank(line[at]) {
+                while at < end && separator.is_blank(text[at]) {
                     at += 1;
                 }
-                match line.get(at) {
+                match text[at..end].first() {
                     Some(&next) if next == byte => at += 1,
                     // The last field may be missing: the separator before it is then the line's last byte.
-                    None if field + 1 < layout.roles.len() => return Err(wrong_count(line, layout)),
+                    None if field + 1 < layout.roles.len() => return Err(wrong_count()),
                     None => {}
-                    Some(_) => return Err(wrong_value(line, layout, field, rest)),
+                    Some(_) => return Err(wrong_value()),
                 }
-                if at == line.len() && field + 2 == layout.roles.len() {
-                    self.missing(layout.roles[field + 1], &mut position)
-                        .ok_or_else(|| wrong_count(line, layout))?;
+                if at == end && field + 2 == layout.roles.len() {
+                    self.missing(layout.roles[field + 1], &mut position).ok_or_else(wrong_count)?;
                     break;
                 }
             }
         }
-        match line[at..].trim_ascii_start() {
+        match text[at..end].trim_ascii_start() {
             [] => {}
             [b'#', ..] if layout.gaps => {}
-            _ => return Err(wrong_count(line, layout)),
+            _ => return Err(wrong_count()),
         }
-        self.positions.push(match &layout.scaled {
-            Some(cell) => from_fractions(cell, position),
-            None => position,
-        });
+        if let Some(cell) = &layout.scaled {
+            position = from_fractions(cell, position);
+        }
+        for (axis, column) in self.axes.iter_mut().enumerate() {
+            column.push(position[axis]);
+        }
         Ok(())
     }
 
@@ -324,8 +412,10 @@ impl Part {
                 Some(0)
             }
             Role::Attribute(attribute) => {
-                self.columns[attribute].push(b"", Separator { byte: Some(b','), decimal_comma: false })
+                let comma = Separator { byte: Some(b','), decimal_comma: false };
+                self.columns[attribute].push(&b""[..], comma)
             }
+            Role::Skipped => Some(0),
         }
     }
 }
@@ -357,6 +447,7 @@ fn wrong_value(line: &[u8], layout: &Layout, field: usize, rest: &[u8]) -> Strin
             let heading = &layout.headings[attribute];
             (heading.name.as_str(), if heading.kind == Kind::Truth { "T or F" } else { "a number" })
         }
+        Role::Skipped => ("what is skipped", "a value"),
     };
     // A field that is neither may have lost its separator, so that the count is what the reader needs.
     let found = split(line, layout.separator).count();

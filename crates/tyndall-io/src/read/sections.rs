@@ -9,6 +9,7 @@ use std::path::Path;
 use glam::DVec3;
 use rayon::prelude::*;
 use tyndall::particles::Columns;
+use tyndall::scene::wanted::{Offered, Wanted};
 use tyndall::{Error, Progress, Result};
 
 use super::numbers::Kind;
@@ -27,6 +28,22 @@ impl Column {
     pub(crate) fn new(name: impl Into<String>, components: usize) -> Self {
         Self { name: name.into(), components, unit: None }
     }
+}
+
+/// Which of the columns are wanted.
+pub(crate) fn flags(columns: &[Column], wanted: Option<&Wanted>) -> Vec<bool> {
+    fn offered(it: &Column) -> Offered<'_> {
+        Offered { name: &it.name, components: it.components, is_measured: true }
+    }
+    match wanted {
+        Some(wanted) => wanted.flags(&columns.iter().map(offered).collect::<Vec<_>>()),
+        None => vec![true; columns.len()],
+    }
+}
+
+/// The values whose flags are set.
+pub(crate) fn flagged<T>(values: Vec<T>, flags: &[bool]) -> Vec<T> {
+    values.into_iter().zip(flags).filter_map(|(value, flag)| flag.then_some(value)).collect()
 }
 
 /// What a section has of a column.

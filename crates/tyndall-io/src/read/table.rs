@@ -270,8 +270,9 @@ pub(crate) fn frame(feed: &mut Feed, request: &Request, progress: &dyn Progress)
     if shape.header_line {
         pass_header(feed)?;
     }
-    let layout =
+    let mut layout =
         Layout { separator: shape.separator, roles, headings, scaled: None, gaps: true, origin: None };
+    layout.keep(request.options.wanted.as_ref());
     let rows = rows::read(feed, &layout, None, request.bytes, progress)?;
     let mut warnings = Vec::new();
     if feed.cut() {

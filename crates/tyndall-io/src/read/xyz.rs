@@ -112,7 +112,9 @@ pub(crate) fn frame(feed: &mut Feed, request: &Request, progress: &dyn Progress)
     };
     let (roles, headings) = fields;
     let origin = cell.map(|cell| cell.center()).filter(|center| center.is_finite());
-    let layout = Layout { separator: Separator::BLANKS, roles, headings, scaled: None, gaps: false, origin };
+    let mut layout =
+        Layout { separator: Separator::BLANKS, roles, headings, scaled: None, gaps: false, origin };
+    layout.keep(request.options.wanted.as_ref());
     let rows = rows::read(feed, &layout, Some(count), request.bytes, progress)?;
     let columns = Columns {
         positions: rows.positions,
@@ -136,6 +138,7 @@ fn names((roles, headings): &Fields) -> String {
     let name = |role: &Role| match *role {
         Role::Axis(axis) => ["x", "y", "z"][axis],
         Role::Attribute(attribute) => headings[attribute].name.as_str(),
+        Role::Skipped => "_",
     };
     roles.iter().map(name).collect::<Vec<_>>().join(" ")
 }

@@ -7,6 +7,7 @@ mod effects;
 mod molecules;
 mod saved;
 mod text;
+mod wanted;
 
 use std::io::Write;
 use std::path::{Path, PathBuf};

@@ -221,7 +221,7 @@ fn varies(attribute: &Attribute) -> bool {
 
 /// Whether a name is that of a size, a place or an orientation, which the picture shows already, or of a number that only tells
 /// particles apart.
-fn is_geometry(name: &str) -> bool {
+pub(super) fn is_geometry(name: &str) -> bool {
     const NAMES: &str = "radius diameter pscale width widths r h smoothinglength id ids time x y z xs ys zs xu yu zu nx ny nz \
                          ix iy iz quatw quati quatj quatk";
     NAMES.split_ascii_whitespace().any(|known| known.eq_ignore_ascii_case(name))

@@ -45,6 +45,12 @@ const LABEL_NAMES: [&str; 6] = ["name", "names", "atom", "atom_name", "atomname"
 /// Names of attributes that hold elements by atomic number.
 const NUMBER_NAMES: [&str; 3] = ["atomic_number", "atomic_numbers", "atomicnumber"];
 
+/// Whether an attribute of this name may tell elements.
+pub(super) fn is_named(name: &str) -> bool {
+    let names = SYMBOL_NAMES.iter().chain(&NUMBER_NAMES).chain(&["type", "types"]).chain(&LABEL_NAMES);
+    names.into_iter().any(|known| known.eq_ignore_ascii_case(name))
+}
+
 /// What makes an element of a word.
 type Parse = dyn Fn(&str) -> Option<Element>;
 

@@ -26,7 +26,7 @@ pub(super) const TYPES: [[u8; 3]; 12] = [
     [0xa4, 0x01, 0x22],
 ];
 /// Names of discrete attributes that sort particles into kinds, best first.
-const TYPE_NAMES: [&str; 12] = [
+pub(super) const TYPE_NAMES: [&str; 12] = [
     "type",
     "types",
     "typeid",

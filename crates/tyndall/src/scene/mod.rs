@@ -19,6 +19,7 @@ pub mod select;
 mod spacing;
 mod statistics;
 pub mod viewpoint;
+pub mod wanted;
 
 use crate::structure::Structure;
 use crate::structure::selection::Column;

@@ -100,6 +100,20 @@ impl<'a> Quantity<'a> {
         }
     }
 
+    /// The attributes that decide about it: those that it is made of, and of a vector's component the others.
+    pub(super) fn attributes(&self) -> Vec<&'a Attribute> {
+        let mut found = match &self.source {
+            Source::Component(attribute, _) | Source::Magnitude(attribute) => vec![*attribute],
+            Source::Scalars(columns) => columns.clone(),
+            Source::Coordinate(_) => Vec::new(),
+        };
+        let names: Vec<&str> = found.iter().map(|it| it.name.as_str()).collect();
+        for (stem, _) in names.into_iter().flat_map(stems) {
+            found.extend(scalars(self.particles, stem).unwrap_or_default());
+        }
+        found
+    }
+
     /// Whether this is a component of a vector, which has a sign.
     pub fn is_component(&self) -> bool {
         match &self.source {

@@ -18,6 +18,12 @@ const SCALARS: [[&str; 3]; 4] = [
     ["cd_r", "cd_g", "cd_b"],
 ];
 
+/// Whether an attribute of this name may hold colors.
+pub(super) fn is_named(name: &str) -> bool {
+    let names = VECTORS.iter().chain(SCALARS.as_flattened());
+    names.into_iter().any(|known| known.eq_ignore_ascii_case(name))
+}
+
 /// The columns that hold the particles' own colors.
 pub(crate) struct Rgb<'a> {
     /// The attribute and component of red, green and blue.

@@ -13,8 +13,9 @@ use super::attributes::Attributes;
 use super::columns::{self, Input, Run};
 use super::tree::{Data, Group, Tree};
 use crate::read::content;
+use crate::read::map;
 use crate::read::records;
-use crate::read::sections::Column;
+use crate::read::sections::{self, Column};
 use crate::read::snapshot::{self, GADGET_TYPES, TypeNames};
 use crate::sequence::{Frame, Options};
 
@@ -172,6 +173,8 @@ pub(super) fn frame(tree: &Tree, options: &Options, progress: &dyn Progress) -> 
         return Err(snapshot::none_wanted(options, &present));
     }
     let columns = columns_of(&parts, &mut warnings)?;
+    let flags = sections::flags(&columns, options.wanted.as_ref());
+    let columns = sections::flagged(columns, &flags);
     let runs = parts.iter().map(|part| run(tree, part, &columns)).collect::<Result<Vec<_>>>()?;
 
     let header = header(tree)?;
@@ -179,6 +182,8 @@ pub(super) fn frame(tree: &Tree, options: &Options, progress: &dyn Progress) -> 
     let cell = cell(&header);
     let total = trees.iter().map(|it| it.bytes()).sum();
     let middle = cell.map(|it| it.center());
+    let others = trees.iter().filter(|it| !std::ptr::eq(**it, tree));
+    let progress = &map::released(others.filter_map(|it| it.map()), progress);
     let mut gathered = columns::gather(tree, &columns, &runs, middle, total, progress)?;
     let names: Vec<(String, usize)> = parts.iter().map(|part| (name(part.kind), part.count)).collect();
     let types = snapshot::type_attribute(names.iter().map(|(name, count)| (name.as_str(), *count)));

@@ -18,7 +18,7 @@ use std::path::Path;
 
 use tyndall::{Error, Progress, Result};
 
-use super::{Index, Request, Span, unreadable};
+use super::{Index, Request, Span, map, unreadable};
 use crate::sequence::{Frame, Options};
 use tree::Tree;
 
@@ -91,6 +91,7 @@ pub(crate) fn frame(
 ) -> Result<Frame> {
     progress.begin("read", Some(bytes.len() as u64), "B");
     let tree = Tree::open(path, bytes)?;
+    let progress = &map::released(tree.map(), progress);
     let (options, number) = (request.options, span.offset as usize);
     match Dialect::of(&tree)? {
         Dialect::Snapshot => gadget::frame(&tree, options, progress),

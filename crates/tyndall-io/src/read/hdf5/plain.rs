@@ -10,7 +10,7 @@ use tyndall::{Error, Progress, Result};
 use super::columns::{self, Input, Run, Term};
 use super::tree::{Data, Group, Tree};
 use crate::read::records;
-use crate::read::sections::Column;
+use crate::read::sections::{self, Column};
 use crate::sequence::{Frame, Options};
 
 /// What positions are called, best first.
@@ -190,6 +190,8 @@ pub(super) fn frame(tree: &Tree, number: usize, options: &Options, progress: &dy
             Err(why) => warnings.push(format!("left out: {name} ({why})")),
         }
     }
+    let flags = sections::flags(&columns, options.wanted.as_ref());
+    let (columns, values) = (sections::flagged(columns, &flags), sections::flagged(values, &flags));
     let run = Run { count, positions, values };
     let mut gathered = columns::gather(tree, &columns, &[run], None, tree.bytes(), progress)?;
     gathered.time = group.attributes()?.number("TimeValue").or(group.attributes()?.number("time"));

@@ -17,7 +17,8 @@ use tyndall::{Error, Result};
 use super::attributes::{Attributes, number_kind};
 use super::filters;
 use super::neighbors::Neighbors;
-use crate::read::content;
+use crate::read::content::{self, Content};
+use crate::read::map::Map;
 use crate::read::numbers::{Kind, Order};
 use crate::read::records::Source;
 
@@ -40,10 +41,20 @@ pub(super) struct Tree {
     file: Hdf5File,
     path: PathBuf,
     bytes: u64,
+    content: Arc<Content>,
     /// Bytes of the files that links led to.
     linked_bytes: Arc<AtomicU64>,
     /// Bytes of the largest chunk of all data sets so far.
     chunk_bytes: Arc<AtomicU64>,
+}
+
+/// The content, for the library beside us.
+struct Shared(Arc<Content>);
+
+impl AsRef<[u8]> for Shared {
+    fn as_ref(&self) -> &[u8] {
+        (*self.0).as_ref()
+    }
 }
 
 impl Tree {
@@ -54,10 +65,16 @@ impl Tree {
         let options = OpenOptions::default()
             .with_filter_registry(filters::registry(Arc::clone(&chunk_bytes)))
             .with_external_link_resolver(Arc::new(neighbors));
-        let file = Hdf5File::from_owner(content::kept(path, bytes), options);
+        let content = Arc::new(content::kept(path, bytes));
+        let file = Hdf5File::from_owner(Shared(Arc::clone(&content)), options);
         let (path, bytes) = (path.to_path_buf(), bytes.len() as u64);
         let file = file.map_err(|error| fault(&path, "", &error))?;
-        Ok(Self { file, path, bytes, linked_bytes, chunk_bytes })
+        Ok(Self { file, path, bytes, content, linked_bytes, chunk_bytes })
+    }
+
+    /// Its map, if it is mapped.
+    pub(super) fn map(&self) -> Option<&Map> {
+        self.content.map()
     }
 
     pub(super) fn path(&self) -> &Path {

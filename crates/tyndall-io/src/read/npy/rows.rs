@@ -2,17 +2,17 @@
 
 use std::path::Path;
 
-use memmap2::Mmap;
 use tyndall::{DVec3, Error, Result};
 
 use super::header::{Element, Fault, Header, Scalar};
 use super::is_archive;
+use crate::read::map::Map;
 use crate::read::numbers::{Kind, Order};
 use crate::read::records::{Source, truncated};
 
 /// A mapped array of shape (N, 3) in C order.
 pub(crate) struct Rows {
-    map: Mmap,
+    map: Map,
     scalar: (Kind, Order),
     start: usize,
     count: usize,
@@ -20,7 +20,7 @@ pub(crate) struct Rows {
 
 impl Rows {
     /// Over the array in a file; `None` if it is of another kind. Fails if the header is broken or promises more than is there.
-    pub(crate) fn over(path: &Path, map: Mmap) -> Result<Option<Self>> {
+    pub(crate) fn over(path: &Path, map: Map) -> Result<Option<Self>> {
         if is_archive(&map) {
             return Ok(None);
         }

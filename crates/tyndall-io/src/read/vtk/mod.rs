@@ -16,7 +16,6 @@ use std::borrow::Cow;
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 
-use memmap2::Mmap;
 use tyndall::particles::{Attribute, Columns, Positions, Values};
 use tyndall::{Error, Progress, Result};
 
@@ -24,6 +23,7 @@ use self::data::Array;
 pub(crate) use self::image::image;
 use self::list::Step;
 use self::xml::Document;
+use super::map::Map;
 use super::numbers::Order;
 use super::records::{self, Field, Layout, Source};
 use super::{Index, Packing, Request, Span, lattice};
@@ -208,7 +208,7 @@ struct Loaded {
 }
 
 enum Content {
-    Mapped(Mmap),
+    Mapped(Map),
     Unpacked(Vec<u8>),
 }
 

@@ -1,0 +1,131 @@
+//! What is left out on reading changes no picture: radii, colors and filters are found as with all attributes.
+
+use tyndall::particles::{Particles, Values};
+use tyndall::scene::automatic;
+use tyndall::scene::color::resolve;
+use tyndall::scene::coloring::Range;
+use tyndall::scene::select::Selectable;
+use tyndall::scene::wanted::Wanted;
+use tyndall_io::{Options, Sequence};
+
+use super::{Folder, fixture, shared};
+
+/// What a picture takes of particles: radii, and colors by `coloring`.
+fn seen(particles: &Particles, wanted: &Wanted) -> String {
+    let (radii, text) = automatic::radii(particles);
+    let colors = resolve(particles, &wanted.coloring, None, None, Range::Auto);
+    let colors = colors.map_err(|error| error.to_string());
+    let places = (0..particles.len()).step_by(1 + particles.len() / 100);
+    let each: Vec<_> = places
+        .map(|id| (particles.radius(&radii, id), colors.as_ref().map(|it| it.color(id)).unwrap_or_default()))
+        .collect();
+    let filters: Vec<_> = wanted.filters.iter().map(|it| Selectable::of(particles, it).is_ok()).collect();
+    let said = colors.as_ref().map_or_else(|error| error.clone(), |it| it.description.clone());
+    format!("{text}; {said}; {each:?}; {filters:?}")
+}
+
+/// Reads the first frame with all attributes and with those that are wanted; gives how many were left out.
+fn left_out(path: &std::path::Path, wanted: &Wanted) -> usize {
+    let read = |wanted: Option<Wanted>| {
+        let options = Options { wanted, ..Options::default() };
+        Sequence::open(&[path.to_path_buf()], &options, &()).and_then(|it| it.frame(0, &())).ok()
+    };
+    let Some(all) = read(None) else { return 0 };
+    let some = read(Some(wanted.clone())).expect("it can be read with all attributes");
+    let name = path.display();
+    assert_eq!(some.particles.len(), all.particles.len(), "{name}");
+    assert!(some.particles.positions() == all.particles.positions(), "{name}");
+    assert_eq!(seen(&some.particles, wanted), seen(&all.particles, wanted), "{name}, {wanted:?}");
+    all.particles.attributes().len() - some.particles.attributes().len()
+}
+
+fn wanted(coloring: &str, filters: &[&str]) -> Wanted {
+    let filters = filters.iter().map(|it| it.parse().unwrap()).collect();
+    Wanted { coloring: coloring.parse().unwrap(), filters, radii: true }
+}
+
+#[test]
+fn the_shared_files_look_alike() {
+    let Some((folder, expected)) = shared() else { return };
+    let mut left = 0;
+    for name in expected["files"].as_object().unwrap_or(expected.as_object().unwrap()).keys() {
+        let path = folder.join(name);
+        // Large files add minutes and nothing else.
+        if std::fs::metadata(&path).is_ok_and(|it| it.is_file() && it.len() < 1 << 20) {
+            for it in [wanted("auto", &["type=1"]), wanted("vx", &["v=0:"])] {
+                left += left_out(&path, &it);
+            }
+        }
+    }
+    assert!(left > 0);
+}
+
+#[test]
+fn attributes_that_nobody_looks_at_are_left_out() {
+    let folder = Folder::new("wanted");
+    let rows: String = (0..500).map(|k| format!("{k} {} {k}.5 0 1 -1 {k}e-1 2 7.25\n", k % 2)).collect();
+    let dump = format!(
+        "ITEM: TIMESTEP\n0\nITEM: NUMBER OF ATOMS\n500\nITEM: BOX BOUNDS pp pp pp\n0 1\n0 1\n0 1\nITEM: ATOMS id type x y z vx vy vz q\n{rows}"
+    );
+    let path = folder.file("a.dump", dump.as_bytes());
+    assert_eq!(left_out(&path, &wanted("auto", &[])), 4);
+    assert_eq!(left_out(&path, &wanted("#fff", &[])), 5);
+    assert_eq!(left_out(&path, &wanted("vy", &["id=3:7"])), 1);
+    assert_eq!(left_out(&path, &wanted("nothing", &[])), 0);
+    assert_eq!(left_out(&fixture("odd.xyz"), &wanted("auto", &[])), 0);
+}
+
+#[test]
+fn rows_that_lack_a_value_are_found_though_it_is_not_wanted() {
+    let folder = Folder::new("unwanted");
+    let path =
+        folder.file("a.xyz", b"2\nProperties=species:S:1:pos:R:3:velo:R:3\nH 0 0 0 1 2 3\nO 0 0 1 1 2\n");
+    let options = Options { wanted: Some(wanted("#fff", &[])), ..Options::default() };
+    let error = Sequence::open(&[path], &options, &()).and_then(|it| it.frame(0, &())).err().unwrap();
+    assert!(error.to_string().contains("wanted 7 values, found 6"), "{error}");
+}
+
+#[test]
+fn random_tables_are_read_as_a_slow_reader_would() {
+    let folder = Folder::new("random");
+    for seed in 1..6u64 {
+        println!("seed {seed}");
+        let mut state = seed;
+        let mut random = |below: u64| {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            (state >> 33) % below
+        };
+        let end = ["\n", "\r\n"][random(2) as usize];
+        // Several slices, so that lines lie across their borders.
+        let count = 20_000 + random(20_000) as usize;
+        let (mut text, mut wanted) = (format!("{count}{end}{end}"), Vec::new());
+        for row in 0..count {
+            let mut number = || {
+                let sign = ["", "-", ""][random(3) as usize];
+                let below = [10, 1000, 100_000_000][random(3) as usize];
+                let whole = random(below);
+                let decimals = random(10) as usize;
+                let digits: String = (0..decimals).map(|_| char::from(b'0' + random(10) as u8)).collect();
+                let exponent = ["", "", "", "e-3", "E+02"][random(5) as usize];
+                format!("{sign}{whole}.{digits}{exponent}")
+            };
+            let numbers = [number(), number(), number(), number()];
+            let blank = [" ", "  ", "\t", " \t "][random(4) as usize];
+            let last = if row + 1 < count || random(2) == 0 { end } else { "" };
+            let [x, y, z, q] = &numbers;
+            text += &format!("C{}{blank}{x}{blank}{y} {z}{blank}{q}{last}", random(3));
+            wanted.push(([x, y, z].map(|it| it.parse::<f64>().unwrap()), q.parse::<f32>().unwrap()));
+        }
+        let path = folder.file("a.xyz", text.as_bytes());
+        let sequence = super::open(&path);
+        let particles = super::frame(&sequence, 0).particles;
+        let origin = particles.positions().origin();
+        let Values::F32(last) = &particles.attributes()[1].values else { panic!() };
+        for (id, (position, number)) in wanted.iter().enumerate() {
+            for (axis, offsets) in particles.positions().offsets().iter().enumerate() {
+                assert_eq!(offsets[id], (position[axis] - origin[axis]) as f32, "row {id}");
+            }
+            assert_eq!(last[id], *number, "row {id}");
+        }
+    }
+}

@@ -1,0 +1,144 @@
+//! Which attributes a picture looks at, so that a reader can leave the others out.
+//!
+//! Takes the choices that name quantities and what a file offers, gives a flag for each attribute. Invariant: with the flagged ones
+//! alone radii, colors and filters are found as with all of them; where a choice names nothing that is offered, all are flagged, so
+//! that the message about it can list them.
+
+use super::color::is_geometry;
+use super::coloring::Coloring;
+use super::kinds::TYPE_NAMES;
+use super::quantity::{Quantity, named};
+use super::select::Filter;
+use super::{element, rgb};
+use crate::particles::{Attribute, Columns, Particles, Values, is_radius};
+
+/// What a picture is made of.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Wanted {
+    /// Where colors come from.
+    pub coloring: Coloring,
+    /// Which particles are shown.
+    pub filters: Vec<Filter>,
+    /// Whether radii are those of the elements where the file has none.
+    pub radii: bool,
+}
+
+/// An attribute that a file has.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Offered<'a> {
+    /// Its name.
+    pub name: &'a str,
+    /// Values a particle.
+    pub components: usize,
+    /// Whether it may hold numbers that are not whole.
+    pub is_measured: bool,
+}
+
+impl Wanted {
+    /// Which of the attributes a picture looks at.
+    pub fn flags(&self, offered: &[Offered]) -> Vec<bool> {
+        let attribute = |it: &Offered| {
+            let values = if it.is_measured { Values::F32(Vec::new()) } else { Values::I32(Vec::new()) };
+            Attribute::new(it.name, it.components, values)
+        };
+        let attributes = offered.iter().map(attribute).collect();
+        let Ok(empty) = Particles::new(Columns { attributes, ..Columns::default() }) else {
+            return vec![true; offered.len()];
+        };
+        let mut flags: Vec<bool> = offered.iter().map(|it| is_radius(it.name)).collect();
+        if self.radii {
+            flag(&mut flags, offered, element::is_named);
+        }
+        let mut found = true;
+        match &self.coloring {
+            Coloring::Constant(_) => {}
+            Coloring::Element => flag(&mut flags, offered, element::is_named),
+            Coloring::Type => flag(&mut flags, offered, is_type),
+            Coloring::Attribute { name, component } => {
+                found &= add(&mut flags, &empty, Quantity::find(&empty, name, *component).ok().as_ref());
+            }
+            Coloring::Auto => {
+                flag(&mut flags, offered, |name| {
+                    element::is_named(name) || is_type(name) || rgb::is_named(name)
+                });
+                for (flag, it) in flags.iter_mut().zip(offered) {
+                    let scalar = it.is_measured && it.components == 1 && !is_geometry(it.name);
+                    let quantity = Quantity::find(&empty, it.name, None);
+                    *flag |= scalar && quantity.is_ok_and(|it| !it.is_component());
+                }
+            }
+        }
+        for filter in &self.filters {
+            let (name, component) = named(filter.quantity());
+            match name.to_ascii_lowercase().as_str() {
+                "element" => flag(&mut flags, offered, element::is_named),
+                "type" => flag(&mut flags, offered, is_type),
+                _ => found &= add(&mut flags, &empty, Quantity::find(&empty, name, component).ok().as_ref()),
+            }
+        }
+        if found { flags } else { vec![true; offered.len()] }
+    }
+}
+
+/// Flags the attributes whose names have a property.
+fn flag(flags: &mut [bool], offered: &[Offered], is_named: impl Fn(&str) -> bool) {
+    flags.iter_mut().zip(offered).for_each(|(flag, it)| *flag |= is_named(it.name));
+}
+
+/// Flags what a quantity is made of; says whether there is one.
+fn add(flags: &mut [bool], particles: &Particles, quantity: Option<&Quantity>) -> bool {
+    let Some(quantity) = quantity else { return false };
+    let used = quantity.attributes();
+    for (flag, attribute) in flags.iter_mut().zip(particles.attributes()) {
+        // Names may come twice: the first one is found.
+        *flag |= used.iter().any(|it| std::ptr::eq(*it, attribute));
+    }
+    true
+}
+
+fn is_type(name: &str) -> bool {
+    TYPE_NAMES.iter().any(|known| known.eq_ignore_ascii_case(name))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn kept(coloring: &str, filters: &[&str], names: &str) -> String {
+        let offered: Vec<Offered> = names
+            .split(' ')
+            .map(|name| Offered { name, components: 1, is_measured: !["id", "type", "mol"].contains(&name) })
+            .collect();
+        let wanted = Wanted {
+            coloring: coloring.parse().unwrap(),
+            filters: filters.iter().map(|it| it.parse().unwrap()).collect(),
+            radii: true,
+        };
+        let flags = wanted.flags(&offered);
+        offered.iter().zip(flags).filter(|it| it.1).map(|it| it.0.name).collect::<Vec<_>>().join(" ")
+    }
+
+    #[test]
+    fn a_picture_looks_at_kinds_radii_and_what_is_named() {
+        let names = "id mol type element vx vy vz radius q c_pe";
+        assert_eq!(kept("auto", &[], names), "type element radius q c_pe");
+        assert_eq!(kept("#fff", &[], names), "type element radius");
+        assert_eq!(kept("c_pe", &["q=0:"], names), "type element radius q c_pe");
+        assert_eq!(kept("type", &["mol=1"], names), "mol type element radius");
+    }
+
+    #[test]
+    fn a_component_comes_with_its_vector() {
+        // That there is a vy makes vx a component, whose colors are centered on zero.
+        assert_eq!(kept("vx", &[], "id vx vy vz q"), "vx vy vz");
+        assert_eq!(kept("v", &[], "id vx vy vz q"), "vx vy vz");
+        assert_eq!(kept("#fff", &["velocity.y=0:"], "id vx vy vz q"), "vx vy vz");
+        assert_eq!(kept("x", &[], "id q"), "");
+    }
+
+    #[test]
+    fn what_is_not_offered_keeps_all_for_the_message() {
+        assert_eq!(kept("temp", &[], "id q vx"), "id q vx");
+        assert_eq!(kept("q", &["temp=3"], "id q vx"), "id q vx");
+    }
+}
