@@ -38,7 +38,7 @@ pub(crate) fn run(args: &args::Build, report: &Report) -> Outcome<()> {
     }
     let known = Work::of_count(input::known_count(&args.input.files)?, kind, NO_PICTURE);
     dry_run::check_memory(&known, known.memory_bytes(), args.memory)?;
-    let sequence = input::open(&args.input, report)?;
+    let sequence = input::open(&args.input, None, report)?;
     if is_among(path, sequence.paths()) {
         return Err(Error::setting("-o", path.display(), "another file: this one is being read").into());
     }
