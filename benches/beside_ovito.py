@@ -9,7 +9,8 @@ out.
 
 Each file is read once before it is timed, so that it lies in the system's cache: what is measured is the reader, not the disk. Every
 reading is a process of its own that tells its time (opening and reading, without starting and importing) and the most memory that it
-had; a cell is the median over the rounds. Ratios are the others' time by ours: above 1 we are faster. Leave the machine alone meanwhile.
+had; a cell is the median over the rounds. In brackets stands the processor's time, which says more where the machine is not left alone.
+Ratios are the others' time by ours: above 1 we are faster.
 """
 
 import argparse
@@ -63,10 +64,11 @@ import resource, sys, time, warnings
 warnings.filterwarnings("ignore")
 PATH = sys.argv[1]
 def begin():
-    global start
-    start = time.perf_counter()
+    global start, used
+    start, used = time.perf_counter(), time.process_time()
 {body}
-print(time.perf_counter() - start, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024 / 1e6)
+megabytes = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024 / 1e6
+print(time.perf_counter() - start, time.process_time() - used, megabytes)
 """
 
 
@@ -83,7 +85,7 @@ def main():
     with tempfile.TemporaryDirectory() as temporary:
         folder = Path(chosen.folder or temporary)
         names = [name for name in FILES if not chosen.files or name in chosen.files.split(",")]
-        print("| file | MB | ours s | MB/s | memory MB | other | its s | ratio | its memory MB |")
+        print("| file | MB | ours s (processor) | MB/s | memory MB | other | its s (processor) | ratio | its memory MB |")
         print("|---|--:|--:|--:|--:|---|--:|--:|--:|")
         for name in names:
             path = folder / name
@@ -102,10 +104,14 @@ def main():
 
 
 def ours(path):
-    """Seconds and megabytes of our reading."""
-    words = subprocess.run([FRAMES, path], check=True, stdout=subprocess.PIPE, text=True).stdout.split()
-    value = lambda name: float(words[words.index(name) + 1])
-    return value("open") + value("read"), float(words[-2])
+    """Seconds, those of the processor, and megabytes of our reading."""
+    process = subprocess.Popen([FRAMES, path], stdout=subprocess.PIPE, text=True)
+    words = process.stdout.read().split()
+    _, status, used = os.wait4(process.pid, 0)
+    if status:
+        raise SystemExit(f"{FRAMES} {path} failed")
+    seconds = sum(float(words[words.index(name) + 1]) for name in ("open", "read"))
+    return seconds, used.ru_utime + used.ru_stime, float(words[-2])
 
 
 def other(reader, path):
@@ -115,8 +121,7 @@ def other(reader, path):
     if done.returncode:
         print(f"{reader}: {done.stderr.strip().splitlines()[-1]}", file=sys.stderr)
         return None
-    seconds, megabytes = done.stdout.split()[-2:]
-    return float(seconds), float(megabytes)
+    return tuple(map(float, done.stdout.split()[-3:]))
 
 
 def print_rows(name, size, results):
@@ -124,12 +129,15 @@ def print_rows(name, size, results):
         return statistics.median(values) if values else float("nan")
 
     medians = {
-        reader: [middle([it[place] for it in found if it]) for place in (0, 1)] for reader, found in results.items()
+        reader: [middle([it[place] for it in found if it]) for place in range(3)] for reader, found in results.items()
     }
-    seconds, memory = medians.pop("ours")
-    mine = f"| {name} | {size:.0f} | {seconds:.3f} | {size / seconds:.0f} | {memory:.0f}"
-    for reader, (its, its_memory) in medians.items() or [("", (float("nan"), float("nan")))]:
-        print(f"{mine} | {reader} | {its:.3f} | {its / seconds:.1f} | {its_memory:.0f} |".replace("nan", ""), flush=True)
+    seconds, used, memory = medians.pop("ours")
+    mine = f"| {name} | {size:.0f} | {seconds:.3f} ({used:.2f}) | {size / seconds:.0f} | {memory:.0f}"
+    if not medians:
+        print(f"{mine} | | | | |", flush=True)
+    for reader, (its, its_used, its_memory) in medians.items():
+        ratio = its / seconds
+        print(f"{mine} | {reader} | {its:.3f} ({its_used:.2f}) | {ratio:.1f} | {its_memory:.0f} |", flush=True)
 
 
 def columns(count, step=200_000):
