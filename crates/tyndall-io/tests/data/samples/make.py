@@ -262,6 +262,7 @@ def converted(tyndall):
         if os.path.exists(name):
             os.remove(name)
         subprocess.run([tyndall, "convert", "--quiet", "extended.xyz" if name != "binary.ply" else "table.csv", "-o", name], check=True)
+    subprocess.run([tyndall, "build", "table.csv", "-o", "saved.tyn"], check=True)
 
 
 if __name__ == "__main__":
