@@ -102,15 +102,6 @@ impl Progress for Released<'_> {
     }
 }
 
-/// Maps the whole of `path`, of which only some will be read.
-pub(crate) fn map_in_pieces(path: &Path) -> Result<Mmap> {
-    let file = open(path)?;
-    // SAFETY: the map is read-only and private to this process. That no other process truncates the file while it is
-    // mapped cannot be enforced; the system would then end us with SIGBUS, never give us wrong memory. This risk is
-    // accepted, as by every program that maps its input.
-    unsafe { Mmap::map(&file) }.map_err(|source| Error::io(path, source))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
