@@ -115,6 +115,8 @@ pub(crate) fn each_frame<K>(
                 return Err(Failure::Interrupted(text));
             }
             Err(failure @ Failure::Library(Error::Memory { .. })) => return Err(failure),
+            // What the first frame does not have would be told of all.
+            Err(failure @ Failure::Library(Error::Setting { .. })) if kept.is_none() => return Err(failure),
             Err(failure) if pictures.len() == 1 => return Err(failure),
             Err(failure) => {
                 report.error(&failure);

@@ -133,7 +133,7 @@ fn the_card_leaves_out_what_is_hidden() {
     }
     let told = |culling: &str| {
         let line = format!(
-            "synthetic:packed?n=3000 --size 40x30 --device gpu -v --culling {culling} -o picture.png"
+            "synthetic:packed?n=3000 --size 40x30 --samples 64 --device gpu -v --culling {culling} -o picture.png"
         );
         let told = folder.render(&line).fine();
         (told, png(&folder.path("picture.png")))

@@ -2,7 +2,7 @@
 //!
 //! Each guess comes with one line that says what was chosen and why; a shell prints it once.
 
-use super::element::Elements;
+use super::element::{Element, Elements};
 use super::spacing::{QUERIES, median_spacing};
 use super::statistics::{grouped, quantiles, sampled_ids, short};
 use crate::math::Bounds;
@@ -11,6 +11,8 @@ use crate::structure::Spheres;
 use glam::Vec3;
 use rayon::prelude::*;
 
+/// The radius, in Å, of a site of charge: it lies within its atom.
+const SITE_RADIUS: f32 = 0.3;
 /// The radius, in Å, of an atom whose element has none or is not known.
 const UNKNOWN_RADIUS: f32 = 1.7;
 /// The radius of particles without any distance between them, in the unit of the positions.
@@ -83,10 +85,12 @@ fn by_element(particles: &Particles, elements: &Elements, spacing: Option<f64>) 
         }
         _ => (1.0, "Å, as the file names no unit"),
     };
-    let of_value =
-        |element: &Option<_>| element.and_then(super::element::Element::radius).unwrap_or(UNKNOWN_RADIUS);
-    let mut radii: Vec<f32> =
-        elements.by_value.iter().map(|element| per_angstrom * of_value(element)).collect();
+    let of_value = |(element, is_site): (&Option<Element>, &bool)| match is_site {
+        true => SITE_RADIUS,
+        false => element.and_then(Element::radius).unwrap_or(UNKNOWN_RADIUS),
+    };
+    let values = elements.by_value.iter().zip(&elements.sites);
+    let mut radii: Vec<f32> = values.map(|value| per_angstrom * of_value(value)).collect();
     // Values beyond the table have its last entry.
     radii.push(per_angstrom * UNKNOWN_RADIUS);
     let name = &particles.attributes()[elements.attribute].name;
@@ -94,6 +98,9 @@ fn by_element(particles: &Particles, elements: &Elements, spacing: Option<f64>) 
     if elements.known < 1.0 {
         let unknown = short(100.0 * (1.0 - elements.known));
         text += &format!("; {unknown} % unknown have {UNKNOWN_RADIUS} Å");
+    }
+    if elements.sites.contains(&true) {
+        text += &format!("; sites of charge have {SITE_RADIUS} Å");
     }
     (Radii::PerType { attribute: elements.attribute, radii }, text)
 }
@@ -265,6 +272,22 @@ mod tests {
         let (found, text) = radii(&Particles::new(it).unwrap());
         assert_eq!(found, Radii::PerParticle { attribute: 0, scale: 0.5 });
         assert_eq!(text, "radius diameter × 0.5");
+    }
+
+    #[test]
+    fn sites_of_charge_are_no_atoms() {
+        let mut it = columns(4, point);
+        let names = ["OW", "HW1", "HW2", "MW"].map(String::from).to_vec();
+        it.attributes.push(Attribute::new("name", 1, Values::Text { codes: vec![0, 1, 2, 3], names }));
+        it.length_unit = Some("nm".into());
+        let it = Particles::new(it).unwrap();
+        let (found, text) = radii(&it);
+        let radii: Vec<f32> = (0..4).map(|id| it.radius(&found, id)).collect();
+        assert!((radii[0] - 0.152).abs() < 1e-6 && radii[1] == radii[2], "{radii:?}");
+        assert!(
+            (radii[3] - 0.03).abs() < 1e-6 && text.ends_with("in nm; sites of charge have 0.3 Å"),
+            "{text}"
+        );
     }
 
     #[test]

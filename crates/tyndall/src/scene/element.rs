@@ -154,6 +154,8 @@ pub struct Elements {
     pub attribute: usize,
     /// The element of each of its values: of each code of a word, or each atomic number from 0.
     pub by_value: Vec<Option<Element>>,
+    /// Whether each of its values names a site of charge without an atom.
+    pub sites: Vec<bool>,
     /// The part of the particles whose element is known, or that are known to be no atoms, 0 to 1.
     pub known: f64,
 }
@@ -187,13 +189,15 @@ impl Elements {
             }
             _ => return None,
         };
-        let mut is_known: Vec<bool> = by_value.iter().map(Option::is_some).collect();
-        if let View::Text { names, .. } = values.view() {
-            is_known.iter_mut().zip(names).for_each(|(is_known, name)| *is_known |= is_site(name));
-        }
+        let sites = match values.view() {
+            View::Text { names, .. } => names.iter().map(|name| is_site(name)).collect(),
+            _ => vec![false; by_value.len()],
+        };
+        let is_known: Vec<bool> =
+            by_value.iter().zip(&sites).map(|(it, site)| it.is_some() || *site).collect();
         let counts = |place: &usize| is_known.get(values.number(*place) as usize) == Some(&true);
         let count = (0..values.len()).into_par_iter().with_min_len(1 << 14).filter(counts).count();
-        Some(Self { attribute, known: count as f64 / values.len().max(1) as f64, by_value })
+        Some(Self { attribute, known: count as f64 / values.len().max(1) as f64, by_value, sites })
     }
 }
 
