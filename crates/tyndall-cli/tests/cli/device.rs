@@ -136,7 +136,7 @@ fn the_card_leaves_out_what_is_hidden() {
             "synthetic:packed?n=3000 --size 40x30 --samples 64 --device gpu -v --culling {culling} -o picture.png"
         );
         let told = folder.render(&line).fine();
-        (told, png(&folder.path("picture.png")))
+        (told, png(&folder.path("picture.png")).0)
     };
     let ((certified, found), (_, expected)) = (told("certified"), told("off"));
     assert!(certified.contains("visible-set: "), "{certified}");
