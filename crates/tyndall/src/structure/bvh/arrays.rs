@@ -4,9 +4,8 @@
 
 use super::block::Blocks;
 use super::build::Levels;
-use super::shown::Shown;
 use super::sizes::{Law, Sizes, padded};
-use super::{Bvh, LEAF, LEVELS, Node, Packing, box_slack};
+use super::{Bvh, LEAF, LEVELS, Node, Packing};
 use crate::error::Result;
 use crate::math::Bounds;
 use crate::pages;
@@ -163,21 +162,6 @@ impl Outline {
         let blocks = Blocks::read(self.packing, self.leaves(), |bytes| read(Array::Blocks, bytes))?;
         let sizes = Sizes::read(&self.law, self.leaves(), |bytes| read(Array::Sizes, bytes))?;
         let ids = pages::written(self.particles, |bytes| read(Array::Ids, bytes))?;
-        let Levels { first, count, top } = self.levels;
-        Ok(Bvh {
-            nodes,
-            first,
-            count,
-            top,
-            blocks,
-            sizes,
-            radius_scale: 1.0,
-            ids,
-            slack: box_slack(&bounds),
-            bounds,
-            boxes: bounds,
-            packing_error: None,
-            shown: Shown::default(),
-        })
+        Ok(Bvh::of(self.levels, nodes, blocks, sizes, ids, bounds))
     }
 }

@@ -93,17 +93,30 @@ impl Bvh {
                 .collect();
         }
         let bounds = boxes.first().copied().unwrap_or(Bounds::EMPTY);
-        let slack = box_slack(&bounds);
+        let levels = Levels { first, count, top };
+        Self { radius_scale, ..Self::of(levels, nodes.into(), blocks, sizes, ids, bounds) }
+    }
+
+    /// A hierarchy of these arrays, with radii as they are held, none of them packed, and all particles shown.
+    pub(super) fn of(
+        levels: Levels,
+        nodes: Frozen<Node>,
+        blocks: Blocks,
+        sizes: Sizes,
+        ids: Frozen<u32>,
+        bounds: Bounds,
+    ) -> Self {
+        let Levels { first, count, top } = levels;
         Self {
-            nodes: nodes.into(),
+            nodes,
             first,
             count,
             top,
             blocks,
             sizes,
-            radius_scale,
+            radius_scale: 1.0,
             ids,
-            slack,
+            slack: box_slack(&bounds),
             bounds,
             boxes: bounds,
             packing_error: None,
@@ -113,6 +126,7 @@ impl Bvh {
 }
 
 /// What levels a hierarchy has: see [`Bvh`].
+#[derive(Clone, Copy)]
 pub(super) struct Levels {
     pub(super) first: [u32; LEVELS],
     pub(super) count: [u32; LEVELS],

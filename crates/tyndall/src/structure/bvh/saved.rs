@@ -2,9 +2,8 @@
 
 use super::block::Blocks;
 use super::build::Levels;
-use super::shown::Shown;
 use super::sizes::{Sizes, padded};
-use super::{Bvh, LEAF, Packing, box_slack};
+use super::{Bvh, LEAF, Packing};
 use crate::structure::Kind;
 use crate::structure::saved::{Arrays, Broken, Facts, Named, RadiiOf};
 
@@ -41,9 +40,9 @@ impl Bvh {
         arrays: &mut Arrays,
     ) -> Result<Self, Broken> {
         let Facts { count: particles, bounds, packing_error, .. } = facts;
-        let Levels { first, count, top } = Levels::over(particles);
+        let levels = Levels::over(particles);
         let leaves = particles.div_ceil(LEAF);
-        let nodes = arrays.of("nodes", count[1..].iter().map(|&count| count as usize).sum())?;
+        let nodes = arrays.of("nodes", levels.count[1..].iter().map(|&count| count as usize).sum())?;
         let region = arrays.region("blocks")?;
         let bytes = region.bytes().len();
         let blocks = Blocks::of(packing, region).filter(|blocks| blocks.hold(particles));
@@ -62,20 +61,6 @@ impl Bvh {
             RadiiOf::Packed => Sizes::Log(arrays.of("radii", leaves)?),
         };
         let ids = arrays.of("ids", particles)?;
-        Ok(Self {
-            nodes,
-            first,
-            count,
-            top,
-            blocks,
-            sizes,
-            radius_scale: 1.0,
-            ids,
-            slack: box_slack(&bounds),
-            bounds,
-            boxes: bounds,
-            packing_error,
-            shown: Shown::default(),
-        })
+        Ok(Self { packing_error, ..Self::of(levels, nodes, blocks, sizes, ids, bounds) })
     }
 }
