@@ -1,6 +1,5 @@
 //! `tyndall build`: particles and their structure in one file that opens at once.
 
-use std::path::Path;
 use std::time::Instant;
 
 use tyndall::render::Settings;
@@ -39,9 +38,7 @@ pub(crate) fn run(args: &args::Build, report: &Report) -> Outcome<()> {
     let known = Work::of_count(input::known_count(&args.input.files)?, kind, NO_PICTURE);
     dry_run::check_memory(&known, known.memory_bytes(), args.memory)?;
     let sequence = input::open(&args.input, None, report)?;
-    if is_among(path, sequence.paths()) {
-        return Err(Error::setting("-o", path.display(), "another file: this one is being read").into());
-    }
+    input::refuse_to_replace(path, &sequence)?;
     let number = plan::chosen(args.frame, None, false, sequence.len())?[0];
     if args.frame.is_none() && sequence.len() > 1 {
         report.note(format_args!("note: frame 0 of {}; --frame N for another", sequence.len()));
@@ -84,12 +81,6 @@ pub(crate) fn run(args: &args::Build, report: &Report) -> Outcome<()> {
 /// Building needs no picture.
 const NO_PICTURE: Settings =
     Settings { width: 1, height: 1, samples: 1, seed: 0, culling: tyndall::render::Culling::Off };
-
-/// Whether `path` is one of the files that are read.
-fn is_among(path: &Path, read: &[std::path::PathBuf]) -> bool {
-    let place = path.canonicalize();
-    place.is_ok_and(|place| read.iter().any(|it| it.canonicalize().is_ok_and(|it| it == place)))
-}
 
 /// The particles with these attributes, all if none are named.
 fn with_fields(particles: Particles, fields: Option<&[String]>) -> Outcome<Particles> {

@@ -26,13 +26,7 @@ pub(crate) fn run(args: &args::Convert, report: &Report) -> Outcome<()> {
     let (mut written, count) = (0, files.len());
     for frames in files {
         let path = pattern.name(frames[0]);
-        let is_read = path.canonicalize().is_ok_and(|place| {
-            sequence.paths().iter().any(|it| it.canonicalize().is_ok_and(|it| it == place))
-        });
-        if is_read {
-            let allowed = "another file: this one is being read";
-            return Err(Error::setting("-o", path.display(), allowed).into());
-        }
+        input::refuse_to_replace(&path, &sequence)?;
         if args.skip_existing && path.exists() {
             report.note(format_args!("note: {} is there already", path.display()));
             continue;

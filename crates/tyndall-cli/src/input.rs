@@ -1,6 +1,6 @@
 //! Opening what the command line names, and reading a frame of it with what is to be said about it.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use tyndall::scene::grouped;
 use tyndall::scene::wanted::Wanted;
@@ -41,6 +41,17 @@ pub(crate) fn read(sequence: &Sequence, number: usize, input: &Input, report: &R
     let frame = sequence.frame(number, report.progress())?;
     tell(&sequence.name(number), (&frame.particles, &frame.warnings), input, report)?;
     Ok(frame)
+}
+
+/// Refuses to write `path` if it is one of the files that are read.
+pub(crate) fn refuse_to_replace(path: &Path, sequence: &Sequence) -> tyndall::Result<()> {
+    let is_read = path
+        .canonicalize()
+        .is_ok_and(|place| sequence.paths().iter().any(|it| it.canonicalize().is_ok_and(|it| it == place)));
+    match is_read {
+        true => Err(Error::setting("-o", path.display(), "another file: this one is being read")),
+        false => Ok(()),
+    }
 }
 
 /// The structure that the first of the files has, if it has one.

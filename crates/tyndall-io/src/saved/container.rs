@@ -4,6 +4,7 @@
 //! All numbers are little-endian. Header and table have checksums that are looked at whenever a file is opened; those of the sections
 //! take a pass over the file. A file is whole where it is as long as its header says.
 
+use std::collections::HashSet;
 use std::hash::Hasher;
 use std::io::{self, Seek, SeekFrom, Write};
 use std::ops::Range;
@@ -104,7 +105,7 @@ impl Table {
         if !is_whole || order != ORDER || version == 0 {
             return Err(fault(path, "header", "it is damaged: its checksum is another"));
         }
-        let (at, count, length) = (u64_at(header, 16), u32_at(header, 24) as usize, u64_at(header, 32));
+        let [at, count, length] = [16, 24, 32].map(|place| u64_at(header, place));
         if there != length {
             return match there < length {
                 true => Err(cut(there, length)),
@@ -112,16 +113,16 @@ impl Table {
             };
         }
         let table = usize::try_from(at).ok().and_then(|at| bytes.get(at..));
-        let table = table.filter(|table| Some(table.len()) == count.checked_mul(ENTRY_BYTES));
+        let table = table.filter(|table| Some(table.len() as u64) == count.checked_mul(ENTRY_BYTES as u64));
         let Some(table) = table.filter(|_| at >= HEADER_BYTES as u64) else {
             return Err(fault(path, "header", "its table of sections is not at the end of the file"));
         };
         if checksum(table) != u64_at(header, 40) {
             return Err(fault(path, "table of sections", "it is damaged: its checksum is another"));
         }
-        let mut sections: Vec<Section> = Vec::with_capacity(count);
+        let (mut sections, mut names) = (Vec::new(), HashSet::new());
         for (place, entry) in table.chunks_exact(ENTRY_BYTES).enumerate() {
-            let section = section(entry, at).filter(|it| sections.iter().all(|other| other.name != it.name));
+            let section = section(entry, at).filter(|it| names.insert(it.name.clone()));
             let section = section.ok_or_else(|| {
                 fault(path, format!("table of sections, entry {place}"), "no section can be so")
             })?;

@@ -72,12 +72,15 @@ impl Kind {
         }
     }
 
+    fn has_alpha(self) -> bool {
+        self == Self::WebP
+    }
+
     /// The most pixels across and down.
     fn most_pixels(self) -> u32 {
         match self {
-            Self::Mp4 => 16_384,
+            Self::Mp4 | Self::WebP => 16_384,
             Self::Gif => 65_535,
-            Self::WebP => 16_384,
         }
     }
 }
@@ -101,8 +104,8 @@ pub fn size(path: &Path, [width, height]: [u32; 2]) -> [u32; 2] {
 /// Fails with [`Error::Setting`] where the kind has no such pictures or rate, with [`Error::Io`] if the system refuses the file.
 pub fn check(path: &Path, size: [u32; 2], is_opaque: bool, options: &MovieOptions) -> Result<()> {
     let kind = plan(path, size, options)?;
-    if !is_opaque {
-        refuse_transparency(path, kind)?;
+    if !is_opaque && !kind.has_alpha() {
+        return Err(transparent(path, kind));
     }
     let (_, aside) = Aside::create(path)?;
     drop(aside);
@@ -173,10 +176,11 @@ impl Movie {
     /// written. Panics if it has another size than the movie.
     pub fn add(&mut self, image: &Image) -> Result<()> {
         assert_eq!([image.width, image.height], self.size, "a movie's pictures have one size");
-        if self.kind != Kind::WebP && !is_opaque(image) {
-            refuse_transparency(&self.path, self.kind)?;
+        let has_alpha = self.kind.has_alpha();
+        if !has_alpha && !is_opaque(image) {
+            return Err(transparent(&self.path, self.kind));
         }
-        let stored = Stored { is_wide: false, has_alpha: self.kind == Kind::WebP };
+        let stored = Stored { is_wide: false, has_alpha };
         let pixels = stored.bytes(&image.color).concat();
         self.frames.add(&pixels).map_err(|error| Error::io(&self.path, error))
     }
@@ -222,13 +226,10 @@ fn plan(path: &Path, size: [u32; 2], options: &MovieOptions) -> Result<Kind> {
     Ok(kind)
 }
 
-fn refuse_transparency(path: &Path, kind: Kind) -> Result<()> {
-    if kind == Kind::WebP {
-        return Ok(());
-    }
+fn transparent(path: &Path, kind: Kind) -> Error {
     let allowed =
         format!("a {} has no transparency: give a background, or write .webp or numbered .png", kind.name());
-    Err(Error::setting("-o", path.display(), allowed))
+    Error::setting("-o", path.display(), allowed)
 }
 
 /// A file that grows under a hidden name, and goes with this unless it has appeared.
