@@ -11,7 +11,7 @@ mod bgeo;
 mod cif;
 mod column;
 mod content;
-mod cursor;
+pub(crate) mod cursor;
 mod dcd;
 mod decimal;
 mod density;
@@ -35,7 +35,7 @@ mod mmpld;
 mod molecules;
 mod netcdf;
 pub(crate) mod npy;
-mod numbers;
+pub(crate) mod numbers;
 mod pcd;
 mod pda;
 mod pdb;
@@ -44,7 +44,7 @@ mod prt;
 mod ptc;
 mod pts;
 #[cfg(test)]
-mod real_data;
+pub(crate) mod real_data;
 mod records;
 mod rows;
 mod sections;
@@ -67,8 +67,10 @@ use tyndall::{Columns, Error, Particles, Progress, Result};
 use crate::saved;
 use crate::sequence::{Frame, Options};
 use crate::topology::Topology;
+use crate::vdb;
 pub use density::{RawGrid, Sample, density};
 pub(crate) use feed::Feed;
+pub(crate) use lattice::no_particles;
 pub use lattice::{Described, described_density};
 pub(crate) use map::{map, map_in_pieces, open};
 pub(crate) use rows::open_end;
@@ -450,6 +452,9 @@ pub(crate) fn recognise(path: &Path, options: &Options) -> Result<(&'static Form
     if lattice::is_dx(&head) {
         return Err(lattice::no_particles(path, "OpenDX"));
     }
+    if vdb::recognise(&head) {
+        return Err(vdb::no_particles(path));
+    }
     if let Some(error) = unreadable::explain(path, &head) {
         return Err(error);
     }
@@ -461,7 +466,7 @@ pub(crate) fn recognise(path: &Path, options: &Options) -> Result<(&'static Form
 }
 
 /// The first bytes of the unpacked content.
-fn head(path: &Path) -> Result<(Vec<u8>, Packing)> {
+pub(crate) fn head(path: &Path) -> Result<(Vec<u8>, Packing)> {
     let io = |source| Error::io(path, source);
     let mut file = open(path)?;
     let mut magic = Vec::new();

@@ -46,11 +46,6 @@ const KNOWN: &[Known] = &[
         way_out: EFFECTS,
     },
     Known {
-        name: "OpenVDB",
-        is: |head| head.starts_with(b" BDV"),
-        way_out: "give the particles, not the grid",
-    },
-    Known {
         name: "Parquet",
         is: |head| head.starts_with(b"PAR1"),
         way_out: "save it as CSV, or with numpy.savez",

@@ -1,7 +1,7 @@
 """Writes the samples of this folder, a few particles in every format that can be read, mostly with the formats' own libraries.
 
 python make.py TYNDALL (the command, for formats that few others write; needs numpy, MDAnalysis, gsd, laspy, lazrs, pye57, vtk, msgpack,
-OpenEXR)
+OpenEXR; and Debian's python3-openvdb)
 """
 import bz2
 import gzip
@@ -250,6 +250,26 @@ def vtk_files():
     put(vtk.vtkXMLImageDataWriter, "grid.vti", image, SetDataModeToAppended=(), SetCompressorTypeToZLib=())
 
 
+def voxels():
+    """With the Python of the system, for which Debian has python3-openvdb; packed by Blosc."""
+    script = """
+import pyopenvdb as vdb, random
+random.seed(3)
+density, velocity, ball = vdb.FloatGrid(), vdb.Vec3SGrid(), vdb.createLevelSetSphere(radius=1.5, center=(3, 3, 3), voxelSize=0.25, halfWidth=2)
+density.name, velocity.name, ball.name = 'density', 'velocity', 'ball'
+density.gridClass = vdb.GridClass.FOG_VOLUME
+density.transform = velocity.transform = vdb.createLinearTransform(0.25)
+density.fill((16, 0, 8), (23, 7, 15), 0.5)
+values, vectors = density.getAccessor(), velocity.getAccessor()
+for k in range(40):
+    at = tuple(random.randrange(16) for axis in range(3))
+    values.setValueOn(at, random.randrange(1000) / 16)
+    vectors.setValueOn(at, (k, -k, 0.5))
+vdb.write('cloud.vdb', grids=[velocity, density, ball])
+"""
+    subprocess.run(["/usr/bin/python3", "-c", script], check=True)
+
+
 def sky():
     import OpenEXR
 
@@ -271,5 +291,6 @@ if __name__ == "__main__":
     trajectories()
     clouds()
     vtk_files()
+    voxels()
     sky()
     converted(os.path.abspath(sys.argv[1]))
