@@ -7,8 +7,8 @@
 //! A voxel's value belongs to its middle, which lies where its whole coordinates are transformed to. Source: OpenVDB's own reader
 //! and writer, openvdb/io/Archive.cc; the parts name theirs.
 
+mod as_density;
 mod blosc;
-mod density;
 mod file;
 mod read;
 #[cfg(test)]
@@ -16,6 +16,7 @@ mod tests;
 mod transform;
 mod tree;
 mod values;
+mod volume;
 mod write;
 
 use std::path::Path;
@@ -28,6 +29,7 @@ pub use file::Class;
 pub(crate) use file::recognise;
 pub use transform::Transform;
 pub use tree::{LEAF, LEAF_VOXELS, Leaf, Tile, Tree, Value, place_in_leaf};
+pub use volume::{DENSITY, density, of_volume};
 pub use write::{Precision, write};
 
 /// A grid with its voxels.
@@ -160,7 +162,7 @@ pub(crate) fn described(
             conventions.push("double precision is rounded to 32 bits".into());
         }
         let tree = read::tree(&file, header, progress)?;
-        let grid = density::grid(path, (&tree, &transform, header.class), scale, &mut conventions)?;
+        let grid = as_density::grid(path, (&tree, &transform, header.class), scale, &mut conventions)?;
         Ok(Described { grid, conventions })
     })
 }

@@ -83,7 +83,7 @@ fn format(path: &Path) -> Result<&'static Format> {
         Error::setting(
             "-o",
             path.display(),
-            format!("the extension says what to write; known: {}", known.join(" ")),
+            format!("the extension says what to write; known: {}, and .vdb for a density", known.join(" ")),
         )
     })
 }
