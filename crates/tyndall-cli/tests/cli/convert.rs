@@ -47,13 +47,13 @@ fn what_cannot_be_converted_says_why_and_writes_nothing() {
 fn particles_become_grids_of_voxels() {
     let folder = Folder::new();
     // A block of particles that move along x at twice their height.
-    let mut rows = "x,y,z,u,w,velx,vely,velz\n".to_string();
+    let mut rows = "1000\nProperties=pos:R:3:w:R:1:vel:R:3\n".to_string();
     for k in 0..1000 {
         let at = [k % 10, k / 10 % 10, k / 100].map(|it| 0.5 * f64::from(it));
-        rows += &format!("{},{},{},{},2,{},0,1\n", at[0], at[1], at[2], k % 7, 2.0 * at[2]);
+        rows += &format!("{} {} {} 2 {} 0 1\n", at[0], at[1], at[2], 2.0 * at[2]);
     }
-    folder.file("a.csv", &rows);
-    let told = folder.line("convert a.csv -o a.vdb --field density,w,vel --voxel 0.25").fine();
+    folder.file("a.xyz", &rows);
+    let told = folder.line("convert a.xyz -o a.vdb --field density,w,vel --voxel 0.25").fine();
     assert!(told.contains("1,000 particles · grid") && told.contains("voxels of 0.25"), "{told}");
     assert!(!told.contains("found by"), "{told}");
     let info = folder.line("info a.vdb").out;
@@ -76,7 +76,7 @@ fn particles_become_grids_of_voxels() {
 
     // The picture of the grid is about that of the particles.
     let view = "--eye 9,7,5 --look-at 2,2,2 --up 0,0,1 --extinction 0.5 --light sun:1,-1,-1:3 --size 64x48";
-    folder.line(&format!("render a.csv -o a.png --mode medium --voxel 0.25 {view}")).fine();
+    folder.line(&format!("render a.xyz -o a.png --mode medium --voxel 0.25 {view}")).fine();
     let told = folder.line(&format!("render a.vdb -o b.png {view}")).fine();
     assert!(told.contains("density: grid 'density' of density (float), w (float), vel (vec3s)"), "{told}");
     let [a, b] = ["a.png", "b.png"].map(|name| super::png(&folder.path(name)).0);

@@ -116,7 +116,9 @@ impl Encoding {
         let mask = if has_mask { Some(cursor.take(count / 8, "a mask")?) } else { None };
         let is_short = self.packed & packed::ACTIVE_MASK != 0 && what != left::NOTHING;
         let stored = if is_short { count_on(active) } else { count };
-        let is_packed = self.packed & (packed::ZIP | packed::BLOSC) != 0;
+        // Of no halves there is not even a size, but of no other numbers.
+        let is_nothing = stored == 0 && self.is_half;
+        let is_packed = self.packed & (packed::ZIP | packed::BLOSC) != 0 && !is_nothing;
         let (bytes, is_packed) = if is_packed {
             let size = cursor.number::<i64>("a size of values")?;
             (cursor.take(usize::try_from(size.unsigned_abs()).unwrap_or(usize::MAX), "values")?, size > 0)

@@ -378,7 +378,10 @@ impl Packer {
                 }
             }
         }
-        self.zipped(bytes);
+        // Of no halves there is not even a size, but of no other numbers.
+        if !(self.plain.is_empty() && self.precision == Precision::Half) {
+            self.zipped(bytes);
+        }
     }
 
     /// Appends `plain`, zipped where that makes it smaller, behind its size, which is negative where it is not zipped.
