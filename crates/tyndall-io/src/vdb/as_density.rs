@@ -18,7 +18,7 @@ use super::tree::{LEAF, LEAF_VOXELS, Tree, place_in_leaf};
 /// Distances that differ by no more than this share count as equal.
 const EQUAL: f64 = 1e-4;
 /// Bricks that any grid may have, and bricks for each leaf and tile that is there: voxels far apart would need memory for what is between.
-const MOST_BRICKS: [u64; 2] = [1 << 18, 1 << 10];
+const MOST_BRICKS: [u64; 2] = [1 << 18, 1 << 9];
 
 /// What a value becomes.
 struct Meaning {
@@ -116,13 +116,16 @@ pub(super) fn grid(
             (i64::from(leaf.origin[axis]) - i64::from(first[axis])).div_euclid(i64::from(LEAF))
         });
         let is_inside = (0..3).all(|axis| (0..bricks[axis] as i64).contains(&brick[axis]));
+        let first = samples[0];
+        let is_constant = samples.iter().all(|it| it.to_bits() == first.to_bits());
+        let samples = if is_constant { Brick::Constant(first) } else { Brick::Samples(samples) };
         is_inside.then(|| (number(brick.map(|it| it as usize)), samples, bad))
     };
     // Leaves without an active voxel may lie outside.
     let leaves: Vec<_> = tree.leaves.par_iter().filter_map(leaf).collect();
     for (number, samples, of_leaf) in leaves {
         bad += of_leaf;
-        all[number] = Brick::Samples(samples);
+        all[number] = samples;
     }
     if bad > 0 {
         conventions.push(format!("{bad} values below 0 or not finite count as 0"));

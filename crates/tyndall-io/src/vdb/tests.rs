@@ -320,6 +320,42 @@ fn what_is_no_density_says_what_the_file_has() {
 }
 
 #[test]
+fn a_file_of_openvdb_has_what_its_maker_put_there() {
+    // See tests/data/samples/make.py: Blosc, several roots' children, a tile, a level set, vectors.
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/samples/cloud.vdb");
+    let (version, grids) = grids(&path, &()).unwrap();
+    let told: Vec<(&str, &str, Class, i64)> =
+        grids.iter().map(|it| (&it.name[..], &it.kind[..], it.class, it.voxel_count.unwrap_or(-1))).collect();
+    let vectors = told.iter().find(|it| it.0 == "velocity").unwrap().3;
+    assert_eq!(version, 224);
+    assert!(told.contains(&("density", "float", Class::FogVolume, 512 + vectors)), "{told:?}");
+    assert!(told.iter().any(|it| (it.0, it.2) == ("ball", Class::LevelSet)), "{told:?}");
+
+    let Described { grid, .. } = described_density(&path, None, 1.0, &()).unwrap();
+    let at = |voxel: [f32; 3]| 0.25 * Vec3::from_array(voxel);
+    assert_eq!([grid.density(at([20.0, 4.0, 12.0])), grid.density(at([40.0, 4.0, 12.0]))], [0.5, 0.0]);
+    let (read, _) = super::read(&path, None, &()).unwrap();
+    let tree = |name: &str| &read.iter().find(|it| it.name == name).unwrap().tree;
+    assert_eq!(tree("density").tiles.iter().filter(|it| it.is_active).count(), 1);
+    // Of vector k the parts are k, -k and 1/2.
+    let mut seen = 0;
+    for leaf in &tree("velocity").leaves {
+        for (place, value) in
+            leaf.values.as_chunks::<3>().0.iter().enumerate().filter(|it| leaf.is_active(it.0))
+        {
+            assert_eq!(value, &[value[0], -value[0], 0.5], "{:?} {place}", leaf.origin);
+            seen += 1;
+        }
+    }
+    assert_eq!(seen, vectors);
+    // The ball of radius 1.5 around (3, 3, 3) is full but for half a voxel's fog.
+    let Described { grid, .. } = described_density(&path, Some("ball"), 1.0, &()).unwrap();
+    for (x, wanted) in [(3.0, 1.0), (4.0, 1.0), (4.25, 0.5), (4.5, 0.0), (4.75, 0.0)] {
+        assert!((grid.density(Vec3::new(x, 3.0, 3.0)) - wanted).abs() < 1e-3, "{x}");
+    }
+}
+
+#[test]
 fn a_file_that_is_cut_is_never_read_in_silence() {
     let sample = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/samples/cloud.vdb");
     let folder = folder();
