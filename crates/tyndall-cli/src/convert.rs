@@ -7,7 +7,7 @@ use tyndall_io::write;
 
 use crate::output::Pattern;
 use crate::report::{Failure, Outcome, Report, bytes, counted, seconds};
-use crate::{args, input, plan, progress};
+use crate::{args, input, plan, progress, selection};
 
 /// Writes the frames that are asked for: into one file if its format holds them, else each into its own.
 pub(crate) fn run(args: &args::Convert, report: &Report) -> Outcome<()> {
@@ -32,7 +32,7 @@ pub(crate) fn run(args: &args::Convert, report: &Report) -> Outcome<()> {
             continue;
         }
         let start = Instant::now();
-        let mut particles = 0;
+        let (mut particles, mut failed) = (0, None);
         let notes = write::particles::particles(&path, args.fields.as_deref(), frames.len(), |place| {
             if progress::stopped() {
                 return Err(Error::Interrupted);
@@ -40,10 +40,19 @@ pub(crate) fn run(args: &args::Convert, report: &Report) -> Outcome<()> {
             let frame = sequence.frame(frames[place], report.progress())?;
             let told = (&frame.particles, &frame.warnings[..]);
             input::tell(&sequence.name(frames[place]), told, &args.input, report)?;
-            particles += frame.particles.len();
-            Ok(frame.particles)
+            let (kept, share) = selection::keep(&args.selection, frame.particles).map_err(|failure| {
+                failed = Some(failure);
+                Error::Interrupted
+            })?;
+            // The first frame's stands for all.
+            if let Some(share) = share.filter(|_| place == 0) {
+                report.note(share);
+            }
+            particles += kept.len();
+            Ok(kept)
         })
         .map_err(|error| match error {
+            Error::Interrupted if failed.is_some() => failed.take().expect("it is there"),
             Error::Interrupted => Failure::Interrupted(format!("{written} of {count} files written")),
             Error::Io { path: ref of, .. } if *of == path => Failure::Output(error),
             error => Failure::Library(error),

@@ -24,7 +24,7 @@ use tyndall::{Error, Source};
 use tyndall_io::write::ImageOptions;
 use tyndall_io::{Parts, Saved, Sequence};
 
-use crate::args::{self, Builder, LightLook, Mode};
+use crate::args::{self, Builder, LightLook, Mode, Selection};
 use crate::device::{self, Held, Renders};
 use crate::output::{Output, Pattern};
 use crate::plan::{self, Picture};
@@ -48,7 +48,7 @@ pub(crate) fn run(args: &args::Render, report: &Report) -> Outcome<()> {
     job.check_memory(&Work::of_count(known, job.structure, job.settings), Reading::Parts)?;
     let wanted = Wanted {
         coloring: args.look.color.clone(),
-        filters: args.selection.filters.clone(),
+        filters: args.selection.all_filters(),
         radii: args.look.radius.is_none(),
     };
     let sequence = input::open(&args.input, Some(wanted), report)?;
@@ -235,9 +235,10 @@ impl<'a> Job<'a> {
         if !colors.is_constant() {
             return Err(Error::setting("--color", &colors.description, allowed).into());
         }
-        if let Some(filter) = self.args.selection.filters.first() {
+        let Selection { filters, conditions, .. } = &self.args.selection;
+        if let Some(filter) = filters.iter().chain(conditions).next() {
             let allowed = "given: the particles do not fit the memory with what each has of its own — --clip is possible";
-            return Err(Error::setting("--filter", filter, allowed).into());
+            return Err(Error::setting("--filter and --select", filter, allowed).into());
         }
         let radius = radius * self.args.look.radius_scale;
         let (structure, dropped) =
