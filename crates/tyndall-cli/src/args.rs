@@ -109,6 +109,9 @@ pub(crate) struct Input {
     /// Fails on a truncated file, instead of reading its whole frames
     #[arg(long)]
     pub(crate) strict: bool,
+    /// Looks for the frames of a long text anew, and does not keep where they are; else that is kept in the cache folder, until the file changes
+    #[arg(long)]
+    pub(crate) no_index: bool,
     /// What to do with particles that cannot be drawn (NaN positions, negative radii)
     #[arg(long, value_name = "WHAT", default_value = "drop")]
     pub(crate) on_bad: OnBad,

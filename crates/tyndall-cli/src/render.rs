@@ -24,6 +24,7 @@ use tyndall::{Error, Source};
 use tyndall_io::write::ImageOptions;
 use tyndall_io::{Parts, Saved, Sequence};
 
+use crate::ahead::Ahead;
 use crate::args::{self, Builder, LightLook, Mode, Selection};
 use crate::device::{self, Held, Renders};
 use crate::output::{Output, Pattern};
@@ -31,7 +32,7 @@ use crate::plan::{self, Picture};
 use crate::report::{Failure, Outcome, Report, counted, seconds};
 use crate::selection::Found;
 use crate::values::{Background, Degrees};
-use crate::{culling, dry_run, input, medium, metadata, progress, structure};
+use crate::{ahead, culling, dry_run, input, medium, metadata, progress, structure};
 
 /// Renders what the command line asks for.
 pub(crate) fn run(args: &args::Render, report: &Report) -> Outcome<()> {
@@ -56,10 +57,12 @@ pub(crate) fn run(args: &args::Render, report: &Report) -> Outcome<()> {
     if args.method.dry_run {
         return job.dry_run(&sequence, &pictures);
     }
-    let done =
+    let frames = plan::frames_to_read(&pictures, args.frames.skip_existing);
+    let done = ahead::reading(&sequence, &frames, args.method.memory, |ahead| {
         plan::each_frame(&pictures, args.frames.skip_existing, report, |frame, wanted, kept, written| {
-            job.pictures_of_frame(&sequence, frame, wanted, kept, (&mut output, written))
-        });
+            job.pictures_of_frame((&sequence, ahead), frame, wanted, kept, (&mut output, written))
+        })
+    });
     output.finish(done)
 }
 
@@ -250,7 +253,7 @@ impl<'a> Job<'a> {
     /// Reads a frame, builds once, and makes its pictures.
     fn pictures_of_frame(
         &self,
-        sequence: &Sequence,
+        (sequence, ahead): (&Sequence, &mut Ahead),
         number: usize,
         pictures: &[&Picture],
         kept: &mut Option<Kept>,
@@ -268,7 +271,7 @@ impl<'a> Job<'a> {
                 (saved.particles, saved.conventions)
             }
             (None, None) => {
-                let frame = input::read(sequence, number, &self.args.input, self.report)?;
+                let frame = input::read_ahead((sequence, ahead), number, &self.args.input, self.report)?;
                 let work = Work::of(&frame.particles, self.structure, self.settings);
                 self.check_memory(&Work { columns_bytes: 0, ..work }, Reading::Whole)?;
                 (frame.particles, frame.conventions)

@@ -35,7 +35,7 @@ use crate::args::{Picture, Render};
 use crate::output::{Output, Pattern};
 use crate::report::{Failure, Outcome, Report, counted, seconds};
 use crate::values::Background;
-use crate::{dry_run, input, metadata, plan, progress, render, selection};
+use crate::{ahead, dry_run, input, metadata, plan, progress, render, selection};
 use picture::Renderer;
 use scene_file::SceneFile;
 use values::Rgb;
@@ -107,9 +107,10 @@ pub(crate) fn run(args: &Render, report: &Report) -> Outcome<()> {
         let text = "--statistics of several frames needs a number in the name, such as NAME.%04d.json";
         return Err(Failure::Usage(text.into()));
     }
-    let done =
+    let frames = plan::frames_to_read(&pictures, args.frames.skip_existing);
+    let done = ahead::reading(&sequence, &frames, args.method.memory, |ahead| {
         plan::each_frame(&pictures, args.frames.skip_existing, report, |number, wanted, kept, written| {
-            let frame = input::read(&sequence, number, &args.input, report)?;
+            let frame = input::read_ahead((&sequence, ahead), number, &args.input, report)?;
             let (particles, share) = selection::keep(&args.selection, frame.particles)?;
             let density = job.density(&particles)?;
             if let Some(statistics) = &statistics {
@@ -131,7 +132,8 @@ pub(crate) fn run(args: &Render, report: &Report) -> Outcome<()> {
                 [] => Ok(()),
                 wanted => job.pictures(&medium, scene, wanted, &metadata, (&mut output, written)),
             }
-        });
+        })
+    });
     output.finish(done)
 }
 
