@@ -183,8 +183,9 @@ mod tests {
     fn a_sequence_keeps_its_index_and_uses_it() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.xyz");
-        let frame = format!("2\n{}\nCu 1 2 3\nCu 4 5 6\n", "x".repeat(4 << 20));
-        fs::write(&path, frame.repeat(5)).unwrap();
+        let frame = |comment: &str| format!("2\n{comment}\nCu 1 2 3\nCu 4 5 6\n");
+        let text = |long: usize| frame("") + &frame(&"x".repeat(4 << 20)).repeat(long);
+        fs::write(&path, text(4)).unwrap();
         let age = |path: &Path| {
             let file = fs::File::options().write(true).open(path).unwrap();
             file.set_modified(SystemTime::now() - Duration::from_secs(100)).unwrap();
@@ -202,7 +203,7 @@ mod tests {
         index.frames.truncate(3);
         place.keep(&index);
         assert_eq!((open().len(), last()), (3, [4.0, 5.0, 6.0]));
-        fs::write(&path, frame.repeat(6)).unwrap();
+        fs::write(&path, text(5)).unwrap();
         assert_eq!(open().len(), 6);
         age(&path);
         assert_eq!(
