@@ -12,7 +12,7 @@ use tyndall_io::vdb::{self, DENSITY, Grid, Precision};
 
 use crate::output::Pattern;
 use crate::report::{Failure, Outcome, Report, bytes, counted, seconds};
-use crate::{args, dry_run, input, medium, plan, progress};
+use crate::{args, dry_run, input, medium, plan, progress, selection};
 
 /// Whether a name is that of a file of grids.
 pub(super) fn is_grids(path: &Path) -> bool {
@@ -22,6 +22,10 @@ pub(super) fn is_grids(path: &Path) -> bool {
 /// Writes each frame that is asked for into a file.
 pub(super) fn run(args: &args::Convert, report: &Report) -> Outcome<()> {
     if medium::are_grids(&args.input.files)? {
+        if !args.selection.is_empty() {
+            let text = "--filter, --select and --clip are for particles, not for a grid — leave them out";
+            return Err(Failure::Usage(text.into()));
+        }
         return copy(args, report);
     }
     let job = Job { args, report, pattern: Pattern::new(&args.output) };
@@ -29,7 +33,9 @@ pub(super) fn run(args: &args::Convert, report: &Report) -> Outcome<()> {
     job.each(sequence.len(), |number, path| {
         input::refuse_to_replace(path, &sequence)?;
         let frame = input::read(&sequence, number, &args.input, report)?;
-        grids(args, &frame.particles, report)
+        let (particles, share) = selection::keep(&args.selection, frame.particles)?;
+        share.iter().for_each(|share| report.note(format_args!("{share}")));
+        grids(args, &particles, report)
     })
 }
 
