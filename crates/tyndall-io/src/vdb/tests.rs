@@ -80,20 +80,22 @@ fn grid(name: &str, class: Class, tree: Tree) -> Grid {
     Grid { name: name.into(), class, transform, tree }
 }
 
-/// Parts of a tree in an order of their own, as bits.
-fn bits(
-    tree: &Tree,
-) -> (Vec<u32>, Vec<([i32; 3], [u64; 8], Vec<u32>)>, Vec<([i32; 3], i32, [u32; 3], bool)>) {
-    let mut leaves: Vec<_> = tree
-        .leaves
-        .iter()
-        .map(|it| (it.origin, it.active, it.values.iter().map(|it| it.to_bits()).collect()))
-        .collect();
-    let mut tiles: Vec<_> =
-        tree.tiles.iter().map(|it| (it.origin, it.edge, it.value.map(f32::to_bits), it.is_active)).collect();
+/// A tree in an order of its own, as bits.
+#[derive(Debug, PartialEq)]
+struct Bits {
+    background: [u32; 3],
+    leaves: Vec<([i32; 3], [u64; 8], Vec<u32>)>,
+    tiles: Vec<([i32; 3], i32, [u32; 3], bool)>,
+}
+
+fn bits(tree: &Tree) -> Bits {
+    let of_leaf = |it: &Leaf| (it.origin, it.active, it.values.iter().map(|it| it.to_bits()).collect());
+    let of_tile = |it: &Tile| (it.origin, it.edge, it.value.map(f32::to_bits), it.is_active);
+    let mut leaves: Vec<_> = tree.leaves.iter().map(of_leaf).collect();
+    let mut tiles: Vec<_> = tree.tiles.iter().map(of_tile).collect();
     leaves.sort_by_key(|it| it.0);
     tiles.sort_by_key(|it| it.0);
-    (tree.background.iter().map(|it| it.to_bits()).collect(), leaves, tiles)
+    Bits { background: tree.background.map(f32::to_bits), leaves, tiles }
 }
 
 fn folder() -> tempfile::TempDir {
@@ -300,7 +302,7 @@ fn what_is_no_density_says_what_the_file_has() {
     };
     let vector = grid("v", Class::Staggered, leaf(3, 1.0));
     assert!(says(&[], None).contains("no grids"));
-    assert!(says(&[vector.clone()], None).contains("none of its grids is a density: v (vec3s)"));
+    assert!(says(std::slice::from_ref(&vector), None).contains("none of its grids is a density: v (vec3s)"));
     let both = [vector, grid("rho", Class::FogVolume, leaf(1, 1.0))];
     assert!(says(&both, Some("V")).contains("of vectors, which are no density"));
     assert!(says(&both, Some("x")).contains("the file has: v (vec3s), rho (float)"));

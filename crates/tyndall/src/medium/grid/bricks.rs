@@ -174,7 +174,7 @@ mod tests {
         let values = [0.0, 0.5, 2.0];
         let brick = |_| match stream.below(3) {
             0 => Brick::EMPTY,
-            1 => Brick::Constant(values[stream.below(3) as usize]),
+            1 => Brick::Constant(values[stream.below(3)]),
             _ => Brick::Samples(Box::new(std::array::from_fn(|_| stream.range(0.0, 5.0)))),
         };
         (0..lattice.brick_count()).map(brick).collect()
