@@ -383,3 +383,136 @@ fn a_file_that_is_cut_is_never_read_in_silence() {
         let _ = described_density(&path, None, 1.0, &());
     });
 }
+
+/// Numbers as a file has them, zipped behind their size or plain.
+fn stored(values: impl IntoIterator<Item = f64>, is_double: bool, is_zipped: bool) -> Vec<u8> {
+    let number =
+        |it: f64| if is_double { it.to_le_bytes().to_vec() } else { (it as f32).to_le_bytes().to_vec() };
+    let plain: Vec<u8> = values.into_iter().flat_map(number).collect();
+    if !is_zipped {
+        return plain;
+    }
+    let mut encoder = flate2::write::ZlibEncoder::new(Vec::new(), flate2::Compression::default());
+    std::io::Write::write_all(&mut encoder, &plain).unwrap();
+    let zipped = encoder.finish().unwrap();
+    [(zipped.len() as i64).to_le_bytes().to_vec(), zipped].concat()
+}
+
+/// A file with all values written out: `density` with a tile in every kind of node and a leaf at the origin that holds 0 to 511, of
+/// which voxel 5 is not active; and `again`, an instance of it that lies elsewhere.
+fn written_out(version: u32, is_double: bool, is_zipped: bool) -> Vec<u8> {
+    let text = |text: &str| [&(text.len() as u32).to_le_bytes()[..], text.as_bytes()].concat();
+    let is_older = version < 222;
+    let flags = if is_older { Vec::new() } else { u32::from(is_zipped).to_le_bytes().to_vec() };
+    let all = if is_older { Vec::new() } else { vec![6] };
+    let number = |it: f64| stored([it], is_double, false);
+    let doubles = |it: &[f64]| it.iter().flat_map(|it| it.to_le_bytes()).collect::<Vec<u8>>();
+    let place = |at: [i32; 3]| at.map(i32::to_le_bytes).concat();
+
+    let mut body = [flags.clone(), vec![0; 4], text("ScaleMap"), doubles(&[0.5; 15])].concat();
+    // One buffer, a background, one tile of the root and one child.
+    body.extend(
+        [&1_u32.to_le_bytes()[..], &number(0.25), &1_u32.to_le_bytes(), &1_u32.to_le_bytes()].concat(),
+    );
+    body.extend([place([4096, 0, 0]), number(7.0), vec![1], place([0; 3])].concat());
+    for (count, value) in [(1 << 15, 3.5), (1 << 12, 4.5)] {
+        let mut children = vec![0; count / 8];
+        children[0] = 1;
+        // Its first place is a child, of which older files have no value; the second is an active tile.
+        let mut active = vec![0; count / 8];
+        active[0] = 2;
+        let values = (usize::from(is_older)..count).map(|it| if it == 1 { value } else { 0.25 });
+        body.extend([children, active, all.clone(), stored(values, is_double, is_zipped)].concat());
+    }
+    let mask = [&[!(1 << 5)][..], &[0xff; 63]].concat();
+    let leaf = if is_older { [place([0; 3]), vec![1]].concat() } else { all };
+    let values = stored((0..512).map(f64::from), is_double, is_zipped);
+    body.extend([mask.clone(), mask, leaf, values].concat());
+    let again = [flags, vec![0; 4], text("TranslationMap"), doubles(&[1.0, 2.0, 3.0])].concat();
+
+    let mut file = [&file::MAGIC[..], &version.to_le_bytes(), &[0; 8], &[1]].concat();
+    if (220..222).contains(&version) {
+        file.push(u8::from(is_zipped));
+    }
+    file.extend([&[b'0'; 36][..], &[0; 4], &2_u32.to_le_bytes()].concat());
+    let kind = if is_double { "Tree_double_5_4_3" } else { "Tree_float_5_4_3" };
+    for (name, parent, body) in [("density", "", body), ("again", "density", again)] {
+        file.extend([text(name), text(kind), text(parent)].concat());
+        let begin = file.len() + 24;
+        let end = begin + body.len();
+        file.extend([begin, begin, end].map(|it| (it as i64).to_le_bytes()).as_flattened());
+        file.extend(body);
+    }
+    file
+}
+
+#[test]
+fn older_versions_doubles_plain_values_and_instances_are_read() {
+    let folder = folder();
+    let path = folder.path().join("a.vdb");
+    let scalar = |value: f32| [value, 0.0, 0.0];
+    let tile = |origin: [i32; 3], edge: i32, value: f32| Tile {
+        origin,
+        edge,
+        value: scalar(value),
+        is_active: true,
+    };
+    let mut active = [u64::MAX; 8];
+    active[0] &= !(1 << 5);
+    let leaf = Leaf { origin: [0; 3], active, values: (0..512).map(|it| it as f32).collect() };
+    let tiles = vec![tile([4096, 0, 0], 4096, 7.0), tile([0, 0, 128], 128, 3.5), tile([0, 0, 8], 8, 4.5)];
+    let wanted = Tree { components: 1, background: scalar(0.25), leaves: vec![leaf], tiles };
+    for (version, is_zipped) in
+        [(218, true), (220, true), (220, false), (221, false), (222, true), (222, false), (224, false)]
+    {
+        for is_double in [false, true] {
+            std::fs::write(&path, written_out(version, is_double, is_zipped)).unwrap();
+            let (grids, _) = super::read(&path, None, &()).unwrap();
+            let what = format!("version {version}, zipped {is_zipped}, doubles {is_double}");
+            assert_eq!(grids.len(), 2, "{what}");
+            for grid in &grids {
+                assert_eq!(bits(&grid.tree), bits(&wanted), "{what} {}", grid.name);
+            }
+            assert_eq!(grids[0].transform, Transform { scale: [0.5; 3], translation: [0.0; 3] }, "{what}");
+            let there = Transform { scale: [1.0; 3], translation: [1.0, 2.0, 3.0] };
+            assert_eq!((&grids[1].name[..], grids[1].transform), ("again", there), "{what}");
+        }
+    }
+    std::fs::write(&path, written_out(217, false, true)).unwrap();
+    assert!(grids(&path, &()).unwrap_err().to_string().contains("version 217"));
+}
+
+#[test]
+fn transforms_are_along_the_axes_or_told() {
+    let read = |name: &str, numbers: &[f64]| {
+        let numbers = numbers.iter().flat_map(|it| it.to_le_bytes());
+        let bytes: Vec<u8> =
+            (name.len() as u32).to_le_bytes().into_iter().chain(name.bytes()).chain(numbers).collect();
+        let order = crate::read::numbers::Order::Little;
+        let mut cursor = crate::read::cursor::Cursor::new(Path::new("a"), &bytes, 0, order, "");
+        transform::read(&mut cursor).map(|it| (it, cursor.left()))
+    };
+    let scale = [2.0, 3.0, 4.0];
+    let moved = [5.0, 6.0, 7.0];
+    let follows = [0.0; 12];
+    let diagonal = [2.0, 0.0, 0.0, 0.0, 0.0, 3.0, 0.0, 0.0, 0.0, 0.0, 4.0, 0.0, 5.0, 6.0, 7.0, 1.0];
+    let both = Transform { scale, translation: moved };
+    let only_scale = Transform { translation: [0.0; 3], ..both };
+    for name in ["ScaleMap", "UniformScaleMap"] {
+        assert_eq!(read(name, &[&scale[..], &follows].concat()).unwrap(), (Ok(only_scale), 0));
+    }
+    for name in ["ScaleTranslateMap", "UniformScaleTranslateMap"] {
+        assert_eq!(read(name, &[&moved[..], &scale, &follows].concat()).unwrap(), (Ok(both), 0));
+    }
+    assert_eq!(read("AffineMap", &diagonal).unwrap(), (Ok(both), 0));
+    let mut turned = diagonal;
+    turned[1] = 0.5;
+    assert_eq!(read("AffineMap", &turned).unwrap().0, Err("turned or sheared".to_string()));
+    assert!(read("Map", &scale).unwrap_err().to_string().contains("'Map' is not known"));
+    assert!(read("ScaleMap", &scale).is_err());
+    assert_eq!(both.position([1, 0, -1]), [7.0, 6.0, 3.0]);
+    assert_eq!(
+        both.bytes()[..48],
+        [moved, scale].concat().iter().flat_map(|it| it.to_le_bytes()).collect::<Vec<u8>>()
+    );
+}
