@@ -97,7 +97,7 @@ pub(crate) struct Input {
     /// Whether a LAMMPS dump's coordinates are fractions of its cell [default: as its columns are called]
     #[arg(long, value_name = "KIND")]
     pub(crate) coords: Option<Coords>,
-    /// Biological assembly to make of a PDB or mmCIF file: its number, or all [default: the atoms of the file]
+    /// Biological assembly to make of a PDB, mmCIF, BinaryCIF or MMTF file: its number, or all [default: the atoms of the file]
     #[arg(long, value_name = "NUMBER")]
     pub(crate) assembly: Option<String>,
     /// Types of particles to read from a snapshot (Gadget, TIPSY, HDF5), by name or number: gas,star or 0,4 [default: all]

@@ -31,7 +31,9 @@ mod las;
 mod lattice;
 mod lzf;
 mod map;
+mod message;
 mod mmpld;
+mod mmtf;
 mod molecules;
 mod netcdf;
 pub(crate) mod npy;
@@ -300,6 +302,13 @@ pub(crate) const FORMATS: &[Format] = &[
         recognise: |head, _| bcif::recognise(head),
         features: &[Feature::Assemblies],
         open: Open::Binary { index: bcif::index, frame: bcif::frame },
+    },
+    Format {
+        names: &["mmtf"],
+        title: "MMTF",
+        recognise: |head, _| mmtf::recognise(head),
+        features: &[Feature::Assemblies],
+        open: Open::Binary { index: mmtf::index, frame: mmtf::frame },
     },
     Format {
         names: &["gsd"],

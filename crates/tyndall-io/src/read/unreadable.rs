@@ -21,11 +21,6 @@ struct Known {
 const KNOWN: &[Known] = &[
     #[cfg(not(feature = "hdf5"))]
     Known { name: "HDF5", is: is_hdf5, way_out: "build with the feature hdf5, which reads it" },
-    Known {
-        name: "MMTF",
-        is: |head| matches!(head.first(), Some(0x80..=0x8f | 0xde | 0xdf)) && head_has(head, b"mmtf"),
-        way_out: "download the entry as BinaryCIF or mmCIF, which replaced it",
-    },
     Known { name: "XDMF", is: |head| head_has(head, b"<Xdmf"), way_out: PARAVIEW },
     Known {
         name: "Krakatoa PRT 2 or SPRT",

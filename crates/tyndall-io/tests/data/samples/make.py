@@ -171,6 +171,51 @@ def binary():
     write("protein.bcif", msgpack.packb(file))
 
 
+def mmtf():
+    """Two models of two amino acids in a chain each and four ions, with as many of the encodings as fit."""
+    def packed(codec, count, parameter, form, values):
+        return struct.pack(">iii", codec, count, parameter) + struct.pack(f">{len(values)}{form}", *values)
+
+    def narrow(values):
+        for value in values:
+            while abs(value) >= 32767:
+                part = 32767 if value > 0 else -32768
+                yield part
+                value -= part
+            yield value
+
+    def words(names):
+        return struct.pack(">iii", 5, len(names), 4) + b"".join(it.encode().ljust(4, b"\0") for it in names)
+
+    atoms = COUNT // 2
+    x, y, z = np.concatenate([positions[:atoms], positions[:atoms] + np.float32([1, 0, 0])]).T
+    x, y = (np.round(it * 1000).astype(int) for it in (x, y))
+    residue = {"groupName": "GLY", "atomNameList": ["N", "CA", "C", "O"], "elementList": ["N", "C", "C", "O"], "formalChargeList": [0] * 4,
+               "bondAtomList": [0, 1, 1, 2, 2, 3], "bondOrderList": [1, 1, 2], "singleLetterCode": "G", "chemCompType": "PEPTIDE LINKING"}
+    ion = {"groupName": "NA", "atomNameList": ["NA"], "elementList": ["Na"], "formalChargeList": [1], "bondAtomList": [], "bondOrderList": [],
+           "singleLetterCode": "?", "chemCompType": "NON-POLYMER"}
+    unit = [1.0, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]
+    turn = [-1.0, 0, 0, 5, 0, -1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]
+    transforms = [{"chainIndexList": [0, 1], "matrix": unit}, {"chainIndexList": [0, 1], "matrix": turn}, {"chainIndexList": [2], "matrix": unit}]
+    file = {
+        "mmtfVersion": "1.0.0", "mmtfProducer": "make.py", "unitCell": [10.0, 20.0, 30.0, 90.0, 90.0, 90.0], "spaceGroup": "P 1",
+        "bioAssemblyList": [{"name": "dimer", "transformList": transforms}],
+        "entityList": [{"chainIndexList": [0, 1, 3, 4], "description": "", "type": "polymer", "sequence": "G"},
+                       {"chainIndexList": [2, 5], "description": "", "type": "non-polymer", "sequence": ""}],
+        "numBonds": 12, "numAtoms": COUNT, "numGroups": 12, "numChains": 6, "numModels": 2, "groupList": [residue, ion],
+        "xCoordList": packed(10, COUNT, 1000, "h", list(narrow(np.diff(x, prepend=0)))),
+        "yCoordList": packed(10, COUNT, 1000, "h", list(narrow(np.diff(y, prepend=0)))), "zCoordList": packed(1, COUNT, 0, "f", z),
+        "bFactorList": packed(11, COUNT, 100, "h", range(100, 100 + COUNT)), "occupancyList": packed(9, COUNT, 100, "i", [100, COUNT]),
+        "atomIdList": packed(8, COUNT, 0, "i", [1, COUNT]), "altLocList": packed(6, COUNT, 0, "i", [0, 3, 66, 1, 0, 11, 66, 1, 0, 8]),
+        "groupTypeList": packed(4, 12, 0, "i", [0, 0, 1, 1, 1, 1] * 2),
+        "groupIdList": packed(8, 12, 0, "i", [7, 1, 1, 1, 90, 1, 1, 3, -94, 1, 1, 1, 90, 1, 1, 3]),
+        "insCodeList": packed(6, 12, 0, "i", [0, 1, 65, 1, 0, 5, 65, 1, 0, 4]), "secStructList": packed(2, 12, 0, "b", [7] * 12),
+        "sequenceIndexList": packed(7, 12, 0, "i", [0, 12]), "chainIdList": words(["A", "B", "C"] * 2), "chainNameList": words(["A", "B", "C"] * 2),
+        "groupsPerChain": [1, 1, 4] * 2, "chainsPerModel": [3, 3],
+    }
+    write("protein.mmtf", msgpack.packb(file))
+
+
 def trajectories():
     import MDAnalysis
     import gsd.hoomd
@@ -268,6 +313,7 @@ def converted(tyndall):
 if __name__ == "__main__":
     text()
     binary()
+    mmtf()
     trajectories()
     clouds()
     vtk_files()
