@@ -4,6 +4,8 @@
 //! formats read a `Feed` frame by frame; the others take the whole content at once.
 
 mod amber;
+#[cfg(feature = "parquet")]
+pub(crate) mod arrow;
 mod assembly;
 mod atom_site;
 mod bcif;
@@ -316,6 +318,22 @@ pub(crate) const FORMATS: &[Format] = &[
         recognise: |head, _| gsd::recognise(head),
         features: &[],
         open: Open::Binary { index: gsd::index, frame: gsd::frame },
+    },
+    #[cfg(feature = "parquet")]
+    Format {
+        names: &["parquet"],
+        title: "Parquet",
+        recognise: |head, _| arrow::parquet::recognise(head),
+        features: &[],
+        open: Open::Binary { index: arrow::parquet::index, frame: arrow::parquet::frame },
+    },
+    #[cfg(feature = "parquet")]
+    Format {
+        names: &["arrow", "feather", "ipc"],
+        title: "Arrow",
+        recognise: |head, _| arrow::ipc::recognise(head),
+        features: &[],
+        open: Open::Binary { index: arrow::ipc::index, frame: arrow::ipc::frame },
     },
     Format {
         names: &["ply"],

@@ -45,15 +45,27 @@ const KNOWN: &[Known] = &[
         is: |head| head.starts_with(b" BDV"),
         way_out: "give the particles, not the grid",
     },
+    #[cfg(not(feature = "parquet"))]
     Known {
         name: "Parquet",
         is: |head| head.starts_with(b"PAR1"),
-        way_out: "save it as CSV, or with numpy.savez",
+        way_out: "build with the feature parquet, which reads it, or save it as CSV or with numpy.savez",
     },
+    #[cfg(not(feature = "parquet"))]
     Known {
         name: "Arrow",
         is: |head| head.starts_with(b"ARROW1"),
-        way_out: "save it as CSV, or with numpy.savez",
+        way_out: "build with the feature parquet, which reads it, or save it as CSV or with numpy.savez",
+    },
+    Known {
+        name: "Parquet with an encrypted footer",
+        is: |head| head.starts_with(b"PARE"),
+        way_out: "write it without encryption",
+    },
+    Known {
+        name: "Feather 1",
+        is: |head| head.starts_with(b"FEA1"),
+        way_out: "write it again as Feather 2 or Parquet: pandas.read_feather, then to_feather",
     },
     Known {
         name: "LZ4",

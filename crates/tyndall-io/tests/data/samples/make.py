@@ -1,7 +1,7 @@
 """Writes the samples of this folder, a few particles in every format that can be read, mostly with the formats' own libraries.
 
 python make.py TYNDALL (the command, for formats that few others write; needs numpy, MDAnalysis, gsd, laspy, lazrs, pye57, vtk, msgpack,
-OpenEXR)
+OpenEXR, pyarrow)
 """
 import bz2
 import gzip
@@ -295,6 +295,51 @@ def vtk_files():
     put(vtk.vtkXMLImageDataWriter, "grid.vti", image, SetDataModeToAppended=(), SetCompressorTypeToZLib=())
 
 
+def tables():
+    """One table in all packings, and others with positions elsewhere. What has a message but is not read stands a folder above."""
+    import decimal
+
+    import pyarrow as pa
+    import pyarrow.feather
+    import pyarrow.parquet
+
+    k = np.arange(COUNT)
+    x, y, z = 0.5 * k, 100.0 - k, np.full(COUNT, -3.25)
+    huge = k.astype("u8")
+    huge[0] = 2**64 - 1
+    columns = {
+        "x [kpc]": x, "y [kpc]": y, "z [kpc]": z, "id": k * 10**12, "small": (k - 12).astype("i2"), "byte": (10 * k).astype("u1"), "flag": k % 3 == 0,
+        "half": (k / 4).astype("f2"), "velocity": pa.FixedSizeListArray.from_arrays(pa.array(np.arange(3 * COUNT, dtype="f4")), 3),
+        "pair": pa.array([[2.0 * i, 2.0 * i + 1] for i in range(COUNT)]), "count": pa.array([None if i % 5 == 4 else 7 * i for i in range(COUNT)]),
+        "gap": pa.array([None if i % 2 else float(i) for i in range(COUNT)], pa.float32()),
+        "price": pa.array([decimal.Decimal(i) / 100 for i in range(COUNT)], pa.decimal128(9, 2)),
+        "when": pa.array([10**15 + 250_000 * i for i in range(COUNT)], pa.timestamp("us")), "huge": huge,
+        "kind": pa.array([["gas", "star", None][i % 3] for i in range(COUNT)]).dictionary_encode(), "name": pa.array([f'\u03a9{i} ""' for i in range(COUNT)]),
+        "ragged": pa.array([[1.0] * (i % 3) for i in range(COUNT)]), "blob": pa.array([b"\0\1"] * COUNT),
+    }
+    table = pa.table(columns)
+    velocity = table.schema.get_field_index("velocity")
+    table = table.cast(table.schema.set(velocity, table.schema.field(velocity).with_metadata({"unit": "km/s"})))
+    write = pa.parquet.write_table
+    write(table, "groups_snappy.parquet", compression="snappy", row_group_size=9)
+    write(table, "version_2_zstd.parquet", compression="zstd", data_page_version="2.0", row_group_size=20)
+    write(table, "plain_gzip.parquet", compression="gzip", use_dictionary=False)
+    write(table, "pages_lz4.parquet", compression="lz4", data_page_size=64, write_batch_size=5)
+    pa.feather.write_feather(table, "feather_lz4.feather", compression="lz4", chunksize=10)
+    with pa.OSFile("stream.arrows", "wb") as file, pa.ipc.new_stream(file, table.schema) as stream:
+        stream.write_table(table, max_chunksize=7)
+    pa.feather.write_feather(table, "../feather_zstd.feather", compression="zstd")
+    write(table.select(["x [kpc]", "y [kpc]", "z [kpc]"]), "../brotli.parquet", compression="brotli")
+
+    rows = np.stack([x, y, z], axis=1)
+    mass = np.full(COUNT, 1.5, "f4")
+    vector = pa.FixedSizeListArray.from_arrays(pa.array(rows.astype("f4").reshape(-1)), 3)
+    write(pa.table({"mass": mass, "Position": vector}), "vector.parquet")
+    write(pa.table({"where": pa.array(rows.tolist()), "mass": mass, "index": k}), "lists.parquet", compression="none")
+    structure = pa.StructArray.from_arrays([pa.array(it) for it in (x, y, z)], ["x", "y", "z"])
+    pa.feather.write_feather(pa.table({"pos": structure, "mass": mass}), "structure.feather", compression="uncompressed")
+
+
 def sky():
     import OpenEXR
 
@@ -317,5 +362,6 @@ if __name__ == "__main__":
     trajectories()
     clouds()
     vtk_files()
+    tables()
     sky()
     converted(os.path.abspath(sys.argv[1]))
