@@ -107,7 +107,9 @@ mod tests {
 
     #[test]
     fn known_beginnings_are_named_with_a_way_out() {
-        let cases: [(&[u8], &str); 5] = [
+        let cases: [(&[u8], &str); 7] = [
+            (b"FEA1\0\0\0\0", "Feather 1"),
+            (b"PARE", "encrypted"),
             (b"#usda 1.0\n", "USD"),
             (b"Ogawa\xff\0", "Alembic"),
             (b"<?xml version=\"1.0\"?>\n<Xdmf>", "XDMF"),
@@ -117,6 +119,15 @@ mod tests {
         for (head, name) in cases {
             let message = named(head);
             assert!(message.contains(name) && message.contains("does not read yet"), "{name}: {message}");
+        }
+    }
+
+    #[cfg(not(feature = "parquet"))]
+    #[test]
+    fn what_another_build_reads_says_which() {
+        for (head, name) in [(&b"PAR1\x15\x04"[..], "Parquet"), (b"ARROW1\0\0", "Arrow")] {
+            let message = named(head);
+            assert!(message.contains(name) && message.contains("the feature parquet"), "{message}");
         }
     }
 

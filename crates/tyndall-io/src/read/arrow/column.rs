@@ -30,36 +30,6 @@ impl Part {
         self.rows
     }
 
-    /// No rows of a leaf.
-    pub(super) fn empty(leaf: &Leaf) -> Self {
-        let values = match leaf.sort {
-            Sort::Numbers(kind) => kind.zeros(0),
-            Sort::Words => Values::Text { codes: vec![], names: vec![] },
-        };
-        Self { rows: 0, components: leaf.components.unwrap_or(1), values }
-    }
-
-    /// With the rows that follow; on failure says what is wrong.
-    pub(super) fn with(mut self, more: Self) -> Result<Self, String> {
-        if self.rows > 0 && more.rows > 0 && self.components != more.components {
-            return Err("its lists have different lengths".to_string());
-        }
-        match (&mut self.values, more.values) {
-            (Values::Text { codes, names }, Values::Text { codes: other, names: new }) => {
-                let mut words = Dictionary::default();
-                for name in names.iter() {
-                    words.code(name);
-                }
-                let own: Vec<u32> = new.iter().map(|it| words.code(it)).collect();
-                codes.extend(other.iter().map(|&it| own[it as usize]));
-                *names = words.names;
-            }
-            (values, more) => join(values, more),
-        }
-        self.rows += more.rows;
-        Ok(self)
-    }
-
     fn number(&self, row: usize, component: usize) -> f64 {
         number(&self.values, row * self.components + component)
     }

@@ -307,3 +307,48 @@ fn hadoop(mut packed: &[u8], mut size: usize) -> Option<Vec<(&[u8], usize)>> {
     }
     (size == 0).then_some(blocks)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn blocks_of_hadoop_have_their_sizes_in_front() {
+        let content: Vec<u8> = (0..600u32).map(|it| (it / 7) as u8).collect();
+        let block = |bytes: &[u8]| {
+            let packed = lz4_flex::block::compress(bytes);
+            let sizes = [bytes.len(), packed.len()].map(|it| (it as u32).to_be_bytes());
+            [sizes.concat(), packed].concat()
+        };
+        let blocks = [block(&content[..400]), block(&content[400..])].concat();
+        assert_eq!(unpacked(Codec::LZ4, &blocks, 600).unwrap(), content);
+        assert_eq!(unpacked(Codec::LZ4, &lz4_flex::block::compress(&content), 600).unwrap(), content);
+        assert!(unpacked(Codec::LZ4, &blocks[..blocks.len() - 1], 600).is_err());
+        assert!(unpacked(Codec::LZ4, &blocks, 601).is_err());
+    }
+
+    #[test]
+    fn a_page_is_no_larger_than_its_bytes_can_become() {
+        // A page of data of 1 << 30 bytes, unpacked, with one value, in five bytes.
+        let header = [
+            0x15, 0, 0x15, 0x80, 0x80, 0x80, 0x80, 8, 0x15, 10, 0x2c, 0x15, 2, 0x15, 0, 0x15, 6, 0x15, 6, 0,
+            0,
+        ];
+        let pages = |left: u64, header: &[u8]| {
+            let bytes = Bytes::from([header, &[1, 2, 3, 4, 5]].concat());
+            Pages::new(bytes, Codec::UNCOMPRESSED, left).get_next_page()
+        };
+        assert!(pages(1, &header).unwrap_err().to_string().contains("larger than its packed bytes"));
+        let mut fits = header.to_vec();
+        fits.splice(3..8, [10]);
+        assert!(matches!(pages(1, &fits), Ok(Some(Page::DataPage { num_values: 1, .. }))));
+        assert!(pages(0, &fits).unwrap_err().to_string().contains("more values than the column"));
+        for length in 1..fits.len() {
+            assert!(
+                Pages::new(Bytes::copy_from_slice(&fits[..length]), Codec::SNAPPY, 9)
+                    .get_next_page()
+                    .is_err()
+            );
+        }
+    }
+}

@@ -18,7 +18,7 @@ use parquet::file::metadata::{ParquetMetaData, ParquetMetaDataReader, RowGroupMe
 use rayon::prelude::*;
 use tyndall::{Error, Progress, Result};
 
-use super::column::{Part, part};
+use super::column::part;
 use super::pages::Pages;
 use super::plan::{Leaf, Place};
 use super::{ABOUT, Block, HINT, MOST_RATIO, ROUND_ROWS, Table, thrift};
@@ -69,6 +69,11 @@ impl File {
 
     fn schema(&self) -> &Schema {
         self.metadata.schema()
+    }
+
+    /// Rows of a row group.
+    fn rows(&self, group: usize) -> usize {
+        self.groups()[group].num_rows() as usize
     }
 
     fn groups(&self) -> &[RowGroupMetaData] {
@@ -133,7 +138,7 @@ pub(crate) fn frame(
         let first = group;
         let mut round = 0;
         while group < file.groups().len() && (group == first || round < ROUND_ROWS) {
-            round += file.groups()[group].num_rows() as usize;
+            round += file.rows(group);
             group += 1;
         }
         let jobs: Vec<(usize, usize)> =
@@ -151,24 +156,26 @@ pub(crate) fn frame(
         if progress.cancelled() {
             return Err(Error::Interrupted);
         }
-        // From columns of parts to blocks, one for each group.
+        // From columns of batches to blocks of all columns.
+        let mut columns = Vec::new();
+        for ((group, root), batches) in jobs.into_iter().zip(decoded) {
+            columns.push(batches.map_err(|what| {
+                let name = file.schema().field(root).name();
+                let place = format!("row group {}, column '{name}'", group + 1);
+                Error::format(path, place, what, HINT)
+            })?);
+        }
         let mut blocks = Vec::new();
-        let mut decoded = jobs.into_iter().zip(decoded);
-        for group in first..group {
-            let mut parts: Vec<Option<Found>> = leaves.iter().map(|_| None).collect();
-            for ((_, root), columns) in decoded.by_ref().take(roots.len()) {
-                let mine = (0..leaves.len()).filter(|&it| leaves[it].root == root);
-                match columns {
-                    Ok(columns) => mine.zip(columns).for_each(|(leaf, part)| parts[leaf] = Some(part)),
-                    Err(what) => {
-                        let name = file.schema().field(root).name();
-                        let place = format!("row group {}, column '{name}'", group + 1);
-                        return Err(Error::format(path, place, what, HINT));
-                    }
-                }
+        for (group, columns) in (first..group).zip(columns.chunks_mut(roots.len())) {
+            for (batch, rows) in batches(file.rows(group)).enumerate() {
+                let mut parts: Vec<_> =
+                    columns.iter_mut().map(|it| std::mem::take(&mut it[batch]).into_iter()).collect();
+                let part = |leaf: &Leaf| {
+                    let root = roots.binary_search(&leaf.root).expect("each leaf has a root");
+                    parts[root].next().expect("a part a leaf")
+                };
+                blocks.push((rows, leaves.iter().map(part).collect::<Block>()));
             }
-            let block: Block = parts.into_iter().map(|it| it.expect("each leaf has a root")).collect();
-            blocks.push((file.groups()[group].num_rows() as usize, block));
         }
         table.append(blocks)?;
         progress.advance(round as u64);
@@ -177,55 +184,49 @@ pub(crate) fn frame(
     table.finish(about.as_deref())
 }
 
-/// What a leaf has, or what is wrong with it.
-type Found = std::result::Result<Part, String>;
+/// The numbers of rows that are decoded at a time.
+fn batches(rows: usize) -> impl Iterator<Item = usize> {
+    (0..rows).step_by(BATCH_ROWS).map(move |start| BATCH_ROWS.min(rows - start))
+}
 
-/// What the leaves have of a column of a row group; on failure why it cannot be decoded.
+/// What the leaves have of a column of a row group, batch by batch; on failure why it cannot be decoded.
 fn column(
     file: &File,
     group: usize,
     root: usize,
     leaves: &[&Leaf],
-) -> std::result::Result<Vec<Found>, String> {
+) -> std::result::Result<Vec<Block>, String> {
     let said = |error: &dyn std::fmt::Display| error.to_string();
     let descriptor = file.metadata.parquet_schema();
-    let rows = file.groups()[group].num_rows() as usize;
+    let rows = file.rows(group);
     if leaves.iter().any(|it| it.place == Place::List) {
         let values = |column: usize| file.groups()[group].column(column).num_values();
-        let mine = (0..descriptor.num_columns()).filter(|&it| descriptor.get_column_root_idx(it) == root);
-        if mine.into_iter().any(|it| values(it) as u64 > rows as u64 * MOST_VALUES) {
+        let mut mine = (0..descriptor.num_columns()).filter(|&it| descriptor.get_column_root_idx(it) == root);
+        if mine.any(|it| values(it) as u64 > rows as u64 * MOST_VALUES) {
             let long = || Err(format!("its lists have more than {MOST_VALUES} numbers"));
-            return Ok(leaves.iter().map(|_| long()).collect());
+            return Ok(batches(rows).map(|_| leaves.iter().map(|_| long()).collect()).collect());
         }
     }
     let mask = ProjectionMask::roots(descriptor, [root]);
     let levels = parquet_to_arrow_field_levels(descriptor, mask, Some(file.schema().fields()))
         .map_err(|it| said(&it))?;
-    let reader =
+    let mut reader =
         ParquetRecordBatchReader::try_new_with_row_groups(&levels, &Group { file, group }, BATCH_ROWS, None)
             .map_err(|it| said(&it))?;
-    let mut joined: Vec<Option<Found>> = leaves.iter().map(|_| None).collect();
-    let mut found = 0;
-    for batch in reader {
+    let (mut blocks, mut found) = (Vec::new(), 0);
+    for wanted in batches(rows) {
+        let Some(batch) = reader.next() else { break };
         let batch = batch.map_err(|it| said(&it))?;
         found += batch.num_rows();
-        if found > rows {
+        if batch.num_rows() != wanted {
             break;
         }
-        for (joined, leaf) in joined.iter_mut().zip(leaves) {
-            let more = part(batch.column(0), leaf);
-            *joined = Some(match joined.take() {
-                None => more,
-                Some(all) => all.and_then(|all| all.with(more?)),
-            });
-        }
+        blocks.push(leaves.iter().map(|leaf| part(batch.column(0), leaf)).collect());
     }
     if found != rows {
-        let more = if found > rows { " or more" } else { "" };
-        return Err(format!("{found}{more} rows were found, {rows} were promised"));
+        return Err(format!("{found} rows were found, {rows} were promised"));
     }
-    let empty = |leaf: &Leaf| Part::empty(leaf);
-    Ok(joined.into_iter().zip(leaves).map(|(it, leaf)| it.unwrap_or_else(|| Ok(empty(leaf)))).collect())
+    Ok(blocks)
 }
 
 /// The pages of a row group.

@@ -86,10 +86,14 @@ fn format(path: &Path) -> Result<&'static Format> {
     let extension = path.extension().and_then(|it| it.to_str()).unwrap_or_default().to_ascii_lowercase();
     FORMATS.iter().find(|it| it.extensions.contains(&extension.as_str())).ok_or_else(|| {
         let known: Vec<String> = FORMATS.iter().map(|it| format!(".{}", it.extensions[0])).collect();
+        let missing = match extension.as_str() {
+            "parquet" | "arrow" | "feather" => "; a build with the feature parquet also has .parquet .arrow",
+            _ => "",
+        };
         Error::setting(
             "-o",
             path.display(),
-            format!("the extension says what to write; known: {}", known.join(" ")),
+            format!("the extension says what to write; known: {}{missing}", known.join(" ")),
         )
     })
 }
