@@ -8,6 +8,7 @@ use tyndall::structure::Kind;
 use tyndall::{Error, Particles, synthetic};
 use tyndall_io::{Frame, Options, Sequence, saved};
 
+use crate::ahead::Ahead;
 use crate::args::{Coords, Input, OnBad};
 use crate::report::{Outcome, Report};
 
@@ -21,9 +22,22 @@ pub(crate) fn open(input: &Input, wanted: Option<Wanted>, report: &Report) -> Ou
         assembly: input.assembly.clone(),
         types: input.types.clone(),
         dataset: input.dataset.clone(),
+        index_folder: if input.no_index { None } else { cache_folder().map(|it| it.join("frames")) },
         wanted,
     };
     Ok(Sequence::open(&input.files, &options, report.progress())?)
+}
+
+/// Where programs of this user keep what they can make again; none where the system names no such place.
+fn cache_folder() -> Option<PathBuf> {
+    let named = |variable: &str| std::env::var_os(variable).map(PathBuf::from).filter(|it| it.is_absolute());
+    let of_system = if cfg!(windows) {
+        named("LOCALAPPDATA")
+    } else {
+        let below = if cfg!(target_os = "macos") { "Library/Caches" } else { ".cache" };
+        named("HOME").map(|home| home.join(below))
+    };
+    named("XDG_CACHE_HOME").or(of_system).map(|it| it.join("tyndall"))
 }
 
 /// The largest number of particles that is known without reading: that of procedural sources.
@@ -39,6 +53,21 @@ pub(crate) fn known_count(files: &[PathBuf]) -> Outcome<u64> {
 /// Reads a frame and says what is wrong with it.
 pub(crate) fn read(sequence: &Sequence, number: usize, input: &Input, report: &Report) -> Outcome<Frame> {
     let frame = sequence.frame(number, report.progress())?;
+    told(frame, sequence, number, input, report)
+}
+
+/// Reads a frame, perhaps ahead of time, and says what is wrong with it.
+pub(crate) fn read_ahead(
+    (sequence, ahead): (&Sequence, &mut Ahead),
+    number: usize,
+    input: &Input,
+    report: &Report,
+) -> Outcome<Frame> {
+    let frame = ahead.frame(number, report)?;
+    told(frame, sequence, number, input, report)
+}
+
+fn told(frame: Frame, sequence: &Sequence, number: usize, input: &Input, report: &Report) -> Outcome<Frame> {
     tell(&sequence.name(number), (&frame.particles, &frame.warnings), input, report)?;
     Ok(frame)
 }

@@ -496,13 +496,7 @@ impl Particles {
         let mut places = None;
         if dropped.total() > 0 {
             let keep: Vec<bool> = (0..count).into_par_iter().map(|id| finite(id) && sized(id)).collect();
-            for column in positions.offsets.own() {
-                let mut kept = keep.iter();
-                column.retain(|_| *kept.next().expect("one flag a particle"));
-            }
-            for attribute in &mut attributes {
-                attribute.values.retain(attribute.components, &keep);
-            }
+            retain(&mut positions, &mut attributes, &keep);
             let kept: Vec<u64> = (0..count as u64).filter(|&id| keep[id as usize]).collect();
             places = Some(kept.into());
         }
@@ -565,6 +559,15 @@ impl Particles {
         }
         let attributes = kept.into_iter().map(|(_, attribute)| attribute).collect();
         Self { attributes, radii, ..self }
+    }
+
+    /// Those of the particles that are flagged, with their places in the file.
+    pub(crate) fn retained(self, keep: &[bool]) -> Self {
+        let Self { mut positions, mut attributes, places, .. } = self;
+        retain(&mut positions, &mut attributes, keep);
+        let place = |id: usize| places.as_ref().map_or(id as u64, |places| places[id]);
+        let places: Vec<u64> = (0..keep.len()).filter(|&id| keep[id]).map(place).collect();
+        Self { positions, attributes, places: Some(places.into()), bounds: OnceLock::new(), ..self }
     }
 
     /// The same particles with radii `radii`, which may refer to their attributes.
@@ -673,6 +676,17 @@ impl Particles {
                 .reduce(|| Bounds::EMPTY, Bounds::union)
         };
         *self.bounds.get_or_init(around)
+    }
+}
+
+/// Leaves those of the particles that are flagged.
+fn retain(positions: &mut Positions, attributes: &mut [Attribute], keep: &[bool]) {
+    for column in positions.offsets.own() {
+        let mut kept = keep.iter();
+        column.retain(|_| *kept.next().expect("one flag a particle"));
+    }
+    for attribute in attributes {
+        attribute.values.retain(attribute.components, keep);
     }
 }
 
