@@ -19,6 +19,7 @@ use arrow_schema::{DataType, Field, Schema};
 use parquet::arrow::ArrowWriter;
 use parquet::basic::Compression;
 use parquet::file::properties::WriterProperties;
+use parquet::schema::types::ColumnPath;
 use rayon::prelude::*;
 use tyndall::particles::{Attribute, View};
 
@@ -34,11 +35,16 @@ const BLOCK_ROWS: usize = 1 << 16;
 /// Writes Parquet.
 pub(super) fn write_parquet(out: &mut dyn Out, snapshot: &Snapshot, _: &mut Place) -> io::Result<()> {
     let table = Table::of(snapshot);
-    let properties = WriterProperties::builder()
+    let mut properties = WriterProperties::builder()
         .set_compression(Compression::SNAPPY)
         .set_created_by(concat!("Tyndall ", env!("CARGO_PKG_VERSION")).to_string())
-        .set_max_row_group_row_count(Some(GROUP_ROWS))
-        .build();
+        .set_max_row_group_row_count(Some(GROUP_ROWS));
+    // Measured numbers hardly come twice: a dictionary of them would only be one more copy.
+    for field in table.schema.fields().iter().filter(|it| it.data_type().is_floating()) {
+        let column = ColumnPath::new(vec![field.name().clone()]);
+        properties = properties.set_column_dictionary_enabled(column, false);
+    }
+    let properties = properties.build();
     let mut writer =
         ArrowWriter::try_new(out, table.schema.clone(), Some(properties)).map_err(io::Error::other)?;
     for rows in blocks(snapshot.len(), GROUP_ROWS) {
