@@ -139,7 +139,7 @@ fn names_of_columns_can_be_given() {
     let read = |columns: &[&str]| {
         let columns = Some(columns.iter().map(|it| it.to_string()).collect());
         let options = Options { columns, ..Options::default() };
-        Sequence::open(&[path.clone()], &options, &()).and_then(|it| it.frame(0, &()))
+        Sequence::open(std::slice::from_ref(&path), &options, &()).and_then(|it| it.frame(0, &()))
     };
     let particles = read(&["pos", "weight", "other"]).unwrap().particles;
     assert_eq!(numbers(&particles, "weight"), vec![1.5; 24]);

@@ -7,11 +7,11 @@ use std::collections::HashMap;
 use arrow_array::cast::AsArray;
 use arrow_array::types::{self, ArrowPrimitiveType};
 use arrow_array::{Array, ArrayRef, PrimitiveArray};
-use arrow_schema::DataType;
+use arrow_schema::{DataType, TimeUnit};
 use tyndall::DVec3;
 use tyndall::particles::{Attribute, Positions, Values};
 
-use super::plan::{Leaf, Place, Role, Sort, seconds};
+use super::plan::{Leaf, Place, Role, Sort, per_second};
 use crate::read::numbers::Kind;
 use crate::read::records::ORIGIN_COUNT;
 use crate::read::sections::with_gaps;
@@ -142,12 +142,13 @@ fn numbers(array: &ArrayRef, kind: Kind) -> Result<Values, String> {
         DataType::Int64 => types::Int64Type, DataType::UInt8 => types::UInt8Type, DataType::UInt16 => types::UInt16Type,
         DataType::UInt32 => types::UInt32Type,
     }
-    macro_rules! scaled {
-        ($type:ty, $factor:expr) => {{
-            let factor: f64 = $factor;
-            Ok(Values::F64(floats(array.as_primitive::<$type>(), f64::NAN, |it| it as f64 * factor)))
-        }};
+    macro_rules! converted {
+        ($type:ty, $convert:expr) => {
+            Ok(Values::F64(floats(array.as_primitive::<$type>(), f64::NAN, $convert)))
+        };
     }
+    // Divided, not multiplied by a fraction, which would be rounded itself.
+    let unit = |scale: &i8| 10f64.powi(i32::from(*scale));
     match array.data_type() {
         DataType::UInt64 => {
             let values = array.as_primitive::<types::UInt64Type>();
@@ -175,31 +176,21 @@ fn numbers(array: &ArrayRef, kind: Kind) -> Result<Values, String> {
         DataType::Float64 => {
             Ok(Values::F64(floats(array.as_primitive::<types::Float64Type>(), f64::NAN, |it| it)))
         }
-        DataType::Decimal32(_, scale) => scaled!(types::Decimal32Type, 10f64.powi(-i32::from(*scale))),
-        DataType::Decimal64(_, scale) => scaled!(types::Decimal64Type, 10f64.powi(-i32::from(*scale))),
-        DataType::Decimal128(_, scale) => scaled!(types::Decimal128Type, 10f64.powi(-i32::from(*scale))),
+        DataType::Decimal32(_, scale) => converted!(types::Decimal32Type, |it| f64::from(it) / unit(scale)),
+        DataType::Decimal64(_, scale) => converted!(types::Decimal64Type, |it| it as f64 / unit(scale)),
+        DataType::Decimal128(_, scale) => converted!(types::Decimal128Type, |it| it as f64 / unit(scale)),
         DataType::Decimal256(_, scale) => {
-            let factor = 10f64.powi(-i32::from(*scale));
-            let values = array.as_primitive::<types::Decimal256Type>();
-            let convert = |it: arrow_buffer::i256| it.to_string().parse::<f64>().unwrap_or(f64::NAN) * factor;
-            Ok(Values::F64(floats(values, f64::NAN, convert)))
+            let number = |it: arrow_buffer::i256| it.to_string().parse().unwrap_or(f64::NAN);
+            converted!(types::Decimal256Type, |it| number(it) / unit(scale))
         }
-        DataType::Date32 => scaled!(types::Date32Type, 86_400.0),
-        DataType::Date64 => scaled!(types::Date64Type, 1e-3),
-        DataType::Timestamp(unit, _) => {
-            let factor = seconds(unit);
+        DataType::Date32 => converted!(types::Date32Type, |it| f64::from(it) * 86_400.0),
+        DataType::Date64 => converted!(types::Date64Type, |it| it as f64 / 1e3),
+        DataType::Time32(TimeUnit::Second) => converted!(types::Time32SecondType, f64::from),
+        DataType::Time32(_) => converted!(types::Time32MillisecondType, |it| f64::from(it) / 1e3),
+        DataType::Timestamp(unit, _) | DataType::Duration(unit) | DataType::Time64(unit) => {
             let values = moments(array).ok_or("its moments cannot be read")?;
-            Ok(Values::F64(floats(&values, f64::NAN, |it| it as f64 * factor)))
+            Ok(Values::F64(floats(&values, f64::NAN, |it| it as f64 / per_second(unit))))
         }
-        DataType::Duration(unit) | DataType::Time64(unit) => {
-            let factor = seconds(unit);
-            let values = moments(array).ok_or("its times cannot be read")?;
-            Ok(Values::F64(floats(&values, f64::NAN, |it| it as f64 * factor)))
-        }
-        DataType::Time32(unit) => match unit {
-            arrow_schema::TimeUnit::Second => scaled!(types::Time32SecondType, 1.0),
-            _ => scaled!(types::Time32MillisecondType, 1e-3),
-        },
         DataType::Dictionary(..) => {
             let dictionary = array.as_any_dictionary();
             let all = match dictionary.values().is_empty() {

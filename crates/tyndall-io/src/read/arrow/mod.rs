@@ -113,7 +113,7 @@ impl<'a> Table<'a> {
             }
         }
         records::spell_out_colors(&mut attributes, &mut conventions);
-        let about = about.and_then(|text| About::from_text(text)).unwrap_or_default();
+        let about = about.and_then(About::from_text).unwrap_or_default();
         let columns = Columns {
             positions: places.into_positions(),
             attributes,

@@ -274,12 +274,12 @@ fn is_time(kind: &DataType) -> bool {
     )
 }
 
-/// Seconds in one of these.
-pub(super) fn seconds(unit: &TimeUnit) -> f64 {
+/// How many of these are a second.
+pub(super) fn per_second(unit: &TimeUnit) -> f64 {
     match unit {
         TimeUnit::Second => 1.0,
-        TimeUnit::Millisecond => 1e-3,
-        TimeUnit::Microsecond => 1e-6,
-        TimeUnit::Nanosecond => 1e-9,
+        TimeUnit::Millisecond => 1e3,
+        TimeUnit::Microsecond => 1e6,
+        TimeUnit::Nanosecond => 1e9,
     }
 }
