@@ -88,8 +88,8 @@ pub(crate) struct Input {
     /// only (XTC, TRR, DCD, AMBER NetCDF) names their particles: topol.gro traj.xtc
     #[arg(required = true, value_name = "FILE", help_heading = None)]
     pub(crate) files: Vec<PathBuf>,
-    /// Format, instead of recognising it: tyn lammps lammps-binary lammps-data xyz gro xtc trr dcd amber pdb cif bcif gsd gadget tipsy
-    /// hdf5 ply npy bgeo geo prt ptc pda mmpld vtk las e57 pcd pts csv
+    /// Format, instead of recognising it: tyn lammps lammps-binary lammps-data xyz gro xtc trr dcd amber pdb cif bcif mmtf gsd gadget tipsy
+    /// hdf5 ply npy bgeo geo prt ptc pda mmpld vtk las e57 pcd pts csv; parquet and arrow where the build has that feature
     #[arg(long, value_name = "NAME")]
     pub(crate) format: Option<String>,
     /// Names of the columns of a table, in order: id,type,x,y,z
@@ -98,7 +98,7 @@ pub(crate) struct Input {
     /// Whether a LAMMPS dump's coordinates are fractions of its cell [default: as its columns are called]
     #[arg(long, value_name = "KIND")]
     pub(crate) coords: Option<Coords>,
-    /// Biological assembly to make of a PDB or mmCIF file: its number, or all [default: the atoms of the file]
+    /// Biological assembly to make of a PDB, mmCIF, BinaryCIF or MMTF file: its number, or all [default: the atoms of the file]
     #[arg(long, value_name = "NUMBER")]
     pub(crate) assembly: Option<String>,
     /// Types of particles to read from a snapshot (Gadget, TIPSY, HDF5), by name or number: gas,star or 0,4 [default: all]
@@ -474,9 +474,9 @@ pub(crate) struct Info {
 pub(crate) struct Convert {
     #[command(flatten)]
     pub(crate) input: Input,
-    /// The file; its extension says the format: .xyz .dump .csv .tsv .ply .npy .npz .vtp .mmpld .prt .bgeo .usda .glb; or .vdb, for
-    /// the density of the particles as OpenVDB grids. Where each frame needs its own file, it has the number in its name: %04d, ####
-    /// or $F4
+    /// The file; its extension says the format: .xyz .dump .csv .tsv .ply .npy .npz .vtp .mmpld .prt .bgeo .usda .glb; where the
+    /// build has the feature parquet also .parquet .arrow .feather; or .vdb, for the density of the particles as OpenVDB grids. Where
+    /// each frame needs its own file, it has the number in its name: %04d, #### or $F4
     #[arg(short, long, value_name = "OUT")]
     pub(crate) output: PathBuf,
     /// Names of the attributes to write, in order: id,velocity [default: all]. Into .vdb: grids, of which density is the particles'

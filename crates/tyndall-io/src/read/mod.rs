@@ -4,6 +4,8 @@
 //! formats read a `Feed` frame by frame; the others take the whole content at once.
 
 mod amber;
+#[cfg(feature = "parquet")]
+pub(crate) mod arrow;
 mod assembly;
 mod atom_site;
 mod bcif;
@@ -31,7 +33,9 @@ mod las;
 mod lattice;
 mod lzf;
 mod map;
+mod message;
 mod mmpld;
+mod mmtf;
 mod molecules;
 mod netcdf;
 pub(crate) mod npy;
@@ -304,11 +308,34 @@ pub(crate) const FORMATS: &[Format] = &[
         open: Open::Binary { index: bcif::index, frame: bcif::frame },
     },
     Format {
+        names: &["mmtf"],
+        title: "MMTF",
+        recognise: |head, _| mmtf::recognise(head),
+        features: &[Feature::Assemblies],
+        open: Open::Binary { index: mmtf::index, frame: mmtf::frame },
+    },
+    Format {
         names: &["gsd"],
         title: "GSD",
         recognise: |head, _| gsd::recognise(head),
         features: &[],
         open: Open::Binary { index: gsd::index, frame: gsd::frame },
+    },
+    #[cfg(feature = "parquet")]
+    Format {
+        names: &["parquet"],
+        title: "Parquet",
+        recognise: |head, _| arrow::parquet::recognise(head),
+        features: &[],
+        open: Open::Binary { index: arrow::parquet::index, frame: arrow::parquet::frame },
+    },
+    #[cfg(feature = "parquet")]
+    Format {
+        names: &["arrow", "feather", "ipc"],
+        title: "Arrow",
+        recognise: |head, _| arrow::ipc::recognise(head),
+        features: &[],
+        open: Open::Binary { index: arrow::ipc::index, frame: arrow::ipc::frame },
     },
     Format {
         names: &["ply"],

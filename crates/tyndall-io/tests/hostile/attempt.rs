@@ -29,7 +29,7 @@ pub(crate) fn attempt(path: &Path, format: Option<&str>) -> std::result::Result<
     let options = Options { format: format.map(str::to_string), ..Options::default() };
     let frames = frames(path, &options);
     if let Ok((format, _)) = &frames
-        && (format.contains("PDB") || format.contains("CIF"))
+        && ["PDB", "CIF", "MMTF"].iter().any(|it| format.contains(it))
         && std::fs::metadata(path).is_ok_and(|it| it.len() < 1 << 16)
     {
         // All copies of all atoms are as many as the file asks for: of large ones that is no measure.

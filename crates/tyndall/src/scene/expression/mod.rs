@@ -90,8 +90,8 @@ impl Tree {
             }
             Self::Call(_, given) => given.iter().flat_map(Self::names).collect(),
             Self::Compared(sides, _) => {
-                let names = |side| match side {
-                    &Self::Name(ref name) => vec![(name.as_str(), true)],
+                let names = |side: &'_ Self| match side {
+                    Self::Name(name) => vec![(name.as_str(), true)],
                     side => side.names(),
                 };
                 sides.iter().flat_map(names).collect()
