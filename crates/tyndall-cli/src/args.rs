@@ -106,6 +106,12 @@ pub(crate) struct Input {
     /// Data set of an HDF5 file that has the positions, or group of particles of an H5MD file, where there are several
     #[arg(long, value_name = "PATH")]
     pub(crate) dataset: Option<String>,
+    /// Where particles of a periodic box are put
+    #[arg(long, value_name = "WHAT", default_value = "none")]
+    pub(crate) wrap: Wrap,
+    /// Puts particles where they came to, by the file's image flags (ix iy iz)
+    #[arg(long, conflicts_with = "wrap")]
+    pub(crate) unwrap: bool,
     /// Fails on a truncated file, instead of reading its whole frames
     #[arg(long)]
     pub(crate) strict: bool,
@@ -121,6 +127,18 @@ pub(crate) enum Coords {
     Real,
     /// Fractions of the cell
     Scaled,
+}
+
+/// Where particles of a periodic box are put.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Wrap {
+    /// Where the file says
+    #[default]
+    None,
+    /// Each into the cell
+    Atoms,
+    /// Molecules whole (by mol, else resid), their middle in the cell
+    Molecules,
 }
 
 /// What to do with bad particles.
@@ -266,6 +284,17 @@ pub(crate) struct Selection {
     /// Shows only particles whose center is there: z<10, z<0.5L (L: the cell's size), 'plane X,Y,Z NX,NY,NZ' (cuts away what the normal points to), 'box X,Y,Z X,Y,Z' (keeps what is inside); may be repeated
     #[arg(long = "clip", visible_alias = "slice", value_name = "WHERE", allow_hyphen_values = true)]
     pub(crate) clips: Vec<Clip>,
+    /// Shows periodic images too: so many along each edge of the cell, from the file's own on; NX,NY,NZ or one number for all. They take
+    /// no memory, and show what is chosen here alike
+    #[arg(long, value_name = "NX,NY,NZ", value_parser = crate::values::images)]
+    pub(crate) replicate: Option<[u32; 3]>,
+}
+
+impl Selection {
+    /// How many images along each edge, if there are several.
+    pub(crate) fn images(&self) -> Option<[u32; 3]> {
+        self.replicate.filter(|images| *images != [1; 3])
+    }
 }
 
 /// Colors, sizes, light.

@@ -40,6 +40,11 @@ pub(crate) fn run(args: &args::Convert, report: &Report) -> Outcome<()> {
             let frame = sequence.frame(frames[place], report.progress())?;
             let told = (&frame.particles, &frame.warnings[..]);
             input::tell(&sequence.name(frames[place]), told, &args.input, report)?;
+            let (frame, text) = input::place(frame, &args.input)?;
+            match text {
+                Some(text) if place == 0 => report.note(text),
+                text => text.into_iter().for_each(|text| report.detail(text)),
+            }
             particles += frame.particles.len();
             Ok(frame.particles)
         })

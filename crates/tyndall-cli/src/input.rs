@@ -2,13 +2,14 @@
 
 use std::path::{Path, PathBuf};
 
+use tyndall::periodic::{self, Placement};
 use tyndall::scene::grouped;
 use tyndall::scene::wanted::Wanted;
 use tyndall::structure::Kind;
 use tyndall::{Error, Particles, synthetic};
 use tyndall_io::{Frame, Options, Sequence, saved};
 
-use crate::args::{Coords, Input, OnBad};
+use crate::args::{Coords, Input, OnBad, Wrap};
 use crate::report::{Outcome, Report};
 
 /// Opens the files as one sequence. Of their attributes only those that are wanted need be read: all if nothing is said.
@@ -21,7 +22,8 @@ pub(crate) fn open(input: &Input, wanted: Option<Wanted>, report: &Report) -> Ou
         assembly: input.assembly.clone(),
         types: input.types.clone(),
         dataset: input.dataset.clone(),
-        wanted,
+        // Molecules and image flags have names that pictures do not look at.
+        wanted: wanted.filter(|_| matches!(placement(input), Placement::AsStored | Placement::Atoms)),
     };
     Ok(Sequence::open(&input.files, &options, report.progress())?)
 }
@@ -36,11 +38,40 @@ pub(crate) fn known_count(files: &[PathBuf]) -> Outcome<u64> {
     Ok(largest)
 }
 
-/// Reads a frame and says what is wrong with it.
+/// Reads a frame, says what is wrong with it, and puts its particles where they are wanted.
 pub(crate) fn read(sequence: &Sequence, number: usize, input: &Input, report: &Report) -> Outcome<Frame> {
+    let frame = as_stored(sequence, number, input, report)?;
+    let (frame, text) = place(frame, input)?;
+    let conventions = frame.conventions.into_iter().chain(text).collect();
+    Ok(Frame { conventions, ..frame })
+}
+
+/// Reads a frame and says what is wrong with it.
+pub(crate) fn as_stored(
+    sequence: &Sequence,
+    number: usize,
+    input: &Input,
+    report: &Report,
+) -> Outcome<Frame> {
     let frame = sequence.frame(number, report.progress())?;
     tell(&sequence.name(number), (&frame.particles, &frame.warnings), input, report)?;
     Ok(frame)
+}
+
+/// Puts the particles of a frame where they are wanted, and says what that was; nothing where they stay.
+pub(crate) fn place(frame: Frame, input: &Input) -> tyndall::Result<(Frame, Option<String>)> {
+    let (particles, text) = periodic::place(frame.particles, placement(input))?;
+    Ok((Frame { particles, ..frame }, text))
+}
+
+/// Where particles of a periodic box are wanted.
+pub(crate) fn placement(input: &Input) -> Placement {
+    match (input.unwrap, input.wrap) {
+        (true, _) => Placement::Unwrapped,
+        (false, Wrap::None) => Placement::AsStored,
+        (false, Wrap::Atoms) => Placement::Atoms,
+        (false, Wrap::Molecules) => Placement::Molecules,
+    }
 }
 
 /// Refuses to write `path` if it is one of the files that are read.

@@ -6,6 +6,7 @@
 use std::time::Instant;
 
 use tyndall::particles::{Particles, Radii};
+use tyndall::periodic::Placement;
 use tyndall::render::estimate::Work;
 use tyndall::render::{Culling, Settings};
 use tyndall::scene::automatic::{self, Outliers};
@@ -18,6 +19,7 @@ use tyndall::scene::outline::Outline;
 use tyndall::scene::viewpoint::{Lens, Motion, Viewpoint, too_small, why_unseen};
 use tyndall::scene::wanted::Wanted;
 use tyndall::scene::{Scene, short};
+use tyndall::structure::replicas::Replicas;
 use tyndall::structure::saved::RadiiOf;
 use tyndall::structure::{Kind, Spheres, Structure};
 use tyndall::{Error, Source};
@@ -116,6 +118,14 @@ impl<'a> Job<'a> {
         if let Culling::Confidence(options) = culling {
             options.check()?;
         }
+        let images = args.selection.images();
+        let coverage = matches!(culling, Culling::Certified(proofs) if proofs.coverage);
+        if images.is_some() && coverage {
+            return Err(Error::setting("--certified", "coverage", "without coverage with --replicate").into());
+        }
+        if images.is_some() && matches!(culling, Culling::Confidence(_)) {
+            return Err(Error::setting("--culling", "confidence", "off or certified with --replicate").into());
+        }
         let settings = Settings { width, height, samples, seed: *seed, culling };
         let asked = structure::kind(&args.method.structure)?;
         let is_structure_asked_for = args.method.structure.structure.is_some() || asked != Kind::default();
@@ -141,7 +151,12 @@ impl<'a> Job<'a> {
             pattern: Pattern::new(&args.picture.output),
             renders: Renders::new(
                 &args.method.device,
-                device::Work { structure, culling, build: args.method.build },
+                device::Work {
+                    structure,
+                    culling,
+                    build: args.method.build,
+                    beyond_cards: images.map(|_| "--replicate"),
+                },
                 report,
             )?,
         })
@@ -181,6 +196,10 @@ impl<'a> Job<'a> {
 
     /// The frame as parts, if it has to be read in parts and can be.
     fn parts(&self, sequence: &Sequence, number: usize) -> Option<Parts> {
+        // Particles that are put elsewhere are all needed at once.
+        if input::placement(&self.args.input) != Placement::AsStored {
+            return None;
+        }
         // What is wrong with the file is said when it is read.
         let parts =
             sequence.parts(number).ok().flatten().filter(|_| matches!(self.structure, Kind::Bvh(_)))?;
@@ -212,6 +231,9 @@ impl<'a> Job<'a> {
         }
         if self.args.method.build == Builder::Gpu {
             return Some("--build gpu".into());
+        }
+        if input::placement(&self.args.input) != Placement::AsStored {
+            return Some("its particles are to be elsewhere".into());
         }
         if let Some((Radii::Uniform(radius), _)) = self.asked_radius(kept)
             && uniform != Some(radius)
@@ -283,9 +305,11 @@ impl<'a> Job<'a> {
         let (radii, radius_text) = self.radii(&particles, guesses, kept.as_ref());
         let spheres =
             Spheres { particles: &particles, radii: &radii, radius_scale: self.args.look.radius_scale };
+        let images = self.args.selection.images();
+        let replicas = images.map(|images| Replicas::new(particles.cell(), images)).transpose()?;
         let (camera, outline, framing_text) = match kept.as_ref() {
             Some(kept) => (kept.camera, kept.outline.clone(), "framed as the first frame".to_string()),
-            None => self.camera(spheres, guesses),
+            None => self.camera(spheres, replicas.as_ref(), guesses),
         };
         let colors = self.colors(&particles, kept.as_ref())?;
         let selection = Found::of(&self.args.selection, &particles)?;
@@ -342,6 +366,9 @@ impl<'a> Job<'a> {
             guesses.extend([text, by_axis]);
         }
         let mut scene = Scene::new(structure, colors, Lighting::Flat, self.background);
+        if let Some(replicas) = &replicas {
+            scene.replicate(replicas)?;
+        }
         if let Some(text) = selection.hide_others(&mut scene)? {
             self.tell(is_first, &text);
             guesses.push(text);
@@ -428,11 +455,17 @@ impl<'a> Job<'a> {
         }
     }
 
-    fn camera(&self, spheres: Spheres, guesses: Option<&Guesses>) -> (Camera, Outline, String) {
+    fn camera(
+        &self,
+        spheres: Spheres,
+        replicas: Option<&Replicas>,
+        guesses: Option<&Guesses>,
+    ) -> (Camera, Outline, String) {
         let outliers = if self.args.camera.frame_all { Outliers::Shown } else { Outliers::Left };
         let guessed = guesses.filter(|_| spheres.radius_scale == 1.0);
         let shown = guessed.map_or_else(|| Shown::of(spheres, outliers), |it| it.shown(outliers).clone());
         let Shown { framing, outline } = shown;
+        let outline = replicas.map_or_else(|| outline.clone(), |replicas| outline.replicated(replicas));
         let aspect = f64::from(self.settings.width) / f64::from(self.settings.height);
         let camera = self.viewpoint.camera(&outline, aspect);
         if self.viewpoint.eye.is_some() {
@@ -467,6 +500,9 @@ impl<'a> Job<'a> {
         let Settings { width, height, samples, .. } = self.settings;
         let mut guesses = vec![format!("{name}, {}", self.renders.name())];
         guesses.push(counted(count, "particle"));
+        if let Some([x, y, z]) = self.args.selection.images() {
+            guesses.push(format!("in {x}×{y}×{z} periodic images"));
+        }
         guesses.extend(conventions.iter().cloned());
         guesses.extend([radius.to_string(), colors.description.clone(), framing.to_string()]);
         guesses.push(format!("{width}x{height}, {samples} samples"));

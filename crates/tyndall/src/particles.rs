@@ -572,6 +572,20 @@ impl Particles {
         Self { radii: Some(radii), ..self }
     }
 
+    /// The same particles elsewhere: `offsets` from the origin, and other values of some attributes. Fails with [`Error::Setting`] if a
+    /// place is not finite.
+    pub(crate) fn moved(mut self, offsets: [Vec<f32>; 3], values: Vec<(usize, Values)>) -> Result<Self> {
+        if offsets.par_iter().any(|column| column.par_iter().any(|it| !it.is_finite())) {
+            return Err(Error::setting("positions", "beyond all numbers", "where particles can be moved to"));
+        }
+        for (place, values) in values {
+            self.attributes[place].values = values;
+        }
+        check_lengths(offsets[0].len(), &self.attributes)?;
+        let positions = Positions::from_offsets(self.positions.origin(), offsets);
+        Ok(Self { positions, bounds: OnceLock::new(), ..self })
+    }
+
     /// How many there are.
     pub fn len(&self) -> usize {
         self.positions.len()

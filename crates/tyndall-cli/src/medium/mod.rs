@@ -162,9 +162,13 @@ impl Job<'_> {
             let text = "--method reference knows no noise — leave out --noise and --density-noise";
             return Err(Failure::Usage(text.into()));
         }
-        let Selection { filters, clips } = &self.args.selection;
+        let Selection { filters, clips, .. } = &self.args.selection;
         if !(filters.is_empty() && clips.is_empty()) {
             let text = "--filter and --clip are for spheres — leave them out, or --mode medium";
+            return Err(Failure::Usage(text.into()));
+        }
+        if self.args.selection.images().is_some() {
+            let text = "--replicate is for spheres — leave it out, or --mode medium";
             return Err(Failure::Usage(text.into()));
         }
         let grid = Grid::from_dense(Vec3::ZERO, 1.0, [1; 3], &[1.0])?;

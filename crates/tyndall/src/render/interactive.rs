@@ -111,7 +111,7 @@ impl Interactive {
     /// Takes a scene, to be seen by `camera`; `settings` are those of the finished picture. The processor makes the pictures, until
     /// they are moved to another device. Fails as [`super::Renderer::new`] does.
     pub fn new(scene: Scene, camera: Camera, settings: Settings) -> Result<Self> {
-        settings.check()?;
+        settings.check(scene.structure())?;
         let view = camera.view(scene.structure().origin(), settings.width, settings.height)?;
         Ok(Self {
             scene,
@@ -202,7 +202,7 @@ impl Interactive {
 
     /// Changes size, samples or seed of the finished picture. Fails if one is out of range.
     pub fn set(&mut self, settings: Settings) -> Result<()> {
-        settings.check()?;
+        settings.check(self.scene.structure())?;
         self.view = self.camera.view(self.scene.structure().origin(), settings.width, settings.height)?;
         self.settings = settings;
         self.restart(|_| ());

@@ -21,7 +21,9 @@ mod statistics;
 pub mod viewpoint;
 pub mod wanted;
 
+use crate::error::Result;
 use crate::structure::Structure;
+use crate::structure::replicas::Replicas;
 use crate::structure::selection::Column;
 #[cfg(feature = "gpu")]
 use color::ColorColumn;
@@ -76,6 +78,11 @@ impl Scene {
         self.structure
     }
 
+    /// Shows periodic images too: see [`Structure::replicate`].
+    pub fn replicate(&mut self, replicas: &Replicas) -> Result<()> {
+        self.structure.replicate(replicas)
+    }
+
     /// Scales all radii: see [`Structure::scale_radii`].
     pub fn scale_radii(&mut self, scale: f32) {
         self.structure.scale_radii(scale);
@@ -90,6 +97,6 @@ impl Scene {
     /// The color of the particle at `node`: linear RGB, 0 to 1.
     #[inline(always)]
     pub(crate) fn color(&self, node: u32) -> [f32; 3] {
-        self.colors.color(node as usize)
+        self.colors.color(self.structure.original(node) as usize)
     }
 }

@@ -5,6 +5,7 @@ mod culling;
 mod interactive;
 mod oracle;
 mod relight;
+mod replicas;
 pub(crate) mod scenes;
 mod selection;
 #[cfg(feature = "gpu")]

@@ -12,6 +12,7 @@ mod hits;
 mod lighting;
 pub(super) mod normals;
 mod pass;
+mod replicas;
 mod shadows;
 mod surfaces;
 mod tiles;
@@ -180,6 +181,8 @@ impl Film {
 struct Scratch {
     tile: Box<Tile>,
     stack: Vec<Entry>,
+    /// The rays of a tile, where images see them from elsewhere.
+    rays: Box<replicas::Rays>,
     /// By tile of the film tile, where they serve the next pass.
     memories: Vec<Memory>,
     /// Whether they are empty yet.
@@ -304,6 +307,7 @@ impl Scratch {
         Self {
             tile: Tile::new(),
             stack: Vec::new(),
+            rays: bytemuck::zeroed_box(),
             memories: Vec::new(),
             is_new: false,
             hits: Hits::new(samples),
@@ -394,10 +398,16 @@ fn find_hits<S: Simd>(
     if let Some((frame, pixels)) = culled {
         return confidence::trace(frame, pass, (corner, inside), pixels, (tile, &mut scratch.histogram));
     }
-    match &pass.scene.structure().store {
+    let structure = pass.scene.structure();
+    match &structure.store {
         Store::Bvh(bvh) => {
             let place = (corner[0] + inside[0], corner[1] + inside[1]);
             let beam = Beam::new(pass, place.0 as f32, place.1 as f32);
+            if let Some(replicas) = structure.replicas() {
+                let images = (replicas, &structure.store_bounds());
+                let (rays, stack) = (&mut scratch.rays, &mut scratch.stack);
+                return replicas::walk(simd, images, bvh, &pass.view, &beam, tile, rays, stack);
+            }
             let tile_px = pass.tile_px();
             let number = inside[1] / tile_px * (FILM_EDGE / tile_px) + inside[0] / tile_px;
             let mut memory = scratch.memories.get_mut(number);

@@ -65,7 +65,7 @@ impl Span {
 /// Coordinates across and along a direction, measured from a point near those that look for light.
 pub(super) struct Light {
     /// Two axes across, and the direction toward the light.
-    across: [Vec3; 2],
+    pub(super) across: [Vec3; 2],
     pub(super) toward: Vec3,
     pub(super) origin: Vec3,
     /// Largest distance from `origin` to a point, in each coordinate.

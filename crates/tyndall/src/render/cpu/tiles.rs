@@ -6,12 +6,12 @@
 //! Result: the same depth and id, bit for bit, that a ray each would find. Boxes and particles are grown by the rounding of the
 //! hit formula before anything is skipped (see `math::HIT_ROUNDING`).
 
-use fearless_simd::{f32x16, mask32x16, prelude::*, u32x16};
+use fearless_simd::{f32x8, f32x16, mask32x16, prelude::*, u32x16};
 use fearless_simd_macros::simd;
 use glam::Vec3;
 
 use super::Pass;
-use crate::math::{HIT_ROUNDING, Ray};
+use crate::math::{Bounds, HIT_ROUNDING, Ray};
 use crate::scene::camera::View;
 use crate::simd::{Ball, Lanes3, Reach, enter_sphere, grown};
 use crate::structure::bvh::{Bvh, LEAF, Place, push_sorted};
@@ -42,6 +42,9 @@ pub(super) struct Tile {
     /// The deepest ray of each block and of each quad.
     block_depth: [f32; BLOCKS],
     quad_depth: [f32; QUADS],
+    /// The node of the first particle of the image that is drawn, and how many nodes an image has: all where there is one.
+    pub(super) first_node: u32,
+    pub(super) image_nodes: u32,
 }
 
 impl Tile {
@@ -52,6 +55,8 @@ impl Tile {
             node: [[0; RAYS]; BLOCKS],
             block_depth: [f32::INFINITY; BLOCKS],
             quad_depth: [f32::INFINITY; QUADS],
+            first_node: 0,
+            image_nodes: u32::MAX,
         })
     }
 
@@ -95,7 +100,7 @@ impl Tile {
         let ties = (enters & t.simd_eq(depth)).to_bitmask();
         if ties != 0 {
             // Equally near: rare, but for particles at one place.
-            let id = |node: u32| bvh.ids()[node as usize];
+            let id = |node: u32| (node / self.image_nodes, bvh.ids()[(node % self.image_nodes) as usize]);
             let smaller =
                 |lane: &usize| ties >> lane & 1 == 1 && id(sphere.node) < id(self.node[block][*lane]);
             let won = (0..RAYS).filter(smaller).fold(0, |mask, lane| mask | 1 << lane);
@@ -128,6 +133,7 @@ struct Sphere {
 ///
 /// Along `across[k]` a point `p` measured from the eye lies at `dot(p, across[k]) - shift[k]`, divided by its distance in
 /// front of the eye where the view has perspective.
+#[derive(Clone, Copy)]
 pub(super) struct Beam {
     eye: Vec3,
     across: [Vec3; 2],
@@ -135,7 +141,7 @@ pub(super) struct Beam {
     /// Depth along the tile's middle ray: never more than the distance along any of its rays.
     along: Vec3,
     forward: Vec3,
-    perspective: bool,
+    pub(super) perspective: bool,
     /// Largest distance from the eye at which a ray starts, in each coordinate.
     spread: f32,
     /// Pixels along the edge of a block, if rays go through the centers of pixels only.
@@ -182,6 +188,29 @@ impl Beam {
             }
         }
     }
+}
+
+impl Beam {
+    /// As an image sees it that is moved by `shift`.
+    pub(super) fn moved_back(&self, shift: Vec3) -> Self {
+        // Where rays start in parallel, each start is rounded once more.
+        let rounded = if self.perspective { Vec3::ZERO } else { self.eye.abs() + shift.abs() };
+        Self { eye: self.eye - shift, spread: self.spread + rounded.max_element(), ..*self }
+    }
+}
+
+/// Where the box starts, measured along the beam; none if no ray of the tile can meet it, or all of them have met something nearer.
+#[inline(always)]
+pub(super) fn open_from<S: Simd>(simd: S, beam: &Beam, tile: &Tile, bounds: &Bounds) -> Option<f32> {
+    let center = bounds.center() - beam.eye;
+    let half = 0.5 * bounds.extent();
+    let farthest = (center.abs() + half + bounds.center().abs()).max_element();
+    let margin = 2.0 * HIT_ROUNDING * (farthest + beam.spread);
+    let center: Lanes3<f32x8<S>> = Lanes3::splat(simd, center);
+    let shadow = project(simd, beam, center, Lanes3::splat(simd, half + margin));
+    let [_, open] = shadow.touched_quads(simd, tile);
+    let is_open = open.iter().any(|quad| quad & 1 == 1);
+    is_open.then(|| shadow.near.to_array()[0])
 }
 
 /// What projected boxes or particles cover: a range of blocks across, down, and where they start.
@@ -423,7 +452,7 @@ fn draw_leaf<S: Simd>(simd: S, bvh: &Bvh, leaf: usize, view: &View, beam: &Beam,
         let sphere = Sphere {
             center: Vec3::new(centers[0][lane], centers[1][lane], centers[2][lane]),
             radius: radii[lane],
-            node: (leaf * LEAF + lane) as u32,
+            node: tile.first_node + (leaf * LEAF + lane) as u32,
         };
         for y in y_low..=y_high {
             for x in x_low..=x_high {

@@ -124,6 +124,10 @@ enum Arranged<'a> {
 impl<'a> Content<'a> {
     /// Fails with [`Error::Setting`] if the structure is none that the card walks.
     fn of(scene: &'a Scene) -> Result<Self> {
+        if scene.structure().replicas().is_some() {
+            let allowed = "1 on the GPU, which draws no periodic images; --device cpu does";
+            return Err(Error::setting("--replicate", "more", allowed));
+        }
         let structure = match &scene.structure().store {
             Store::Bvh(bvh) => Arranged::Bvh(bvh.arrays()),
             Store::Pkd(pkd) => Arranged::Heaps(pkd.arrays()),
