@@ -137,7 +137,7 @@ pub(crate) enum Wrap {
     None,
     /// Each into the cell
     Atoms,
-    /// Molecules whole (by mol, else resid), their middle in the cell
+    /// Molecules whole (by mol, else residues and chains of them), their middle in the cell
     Molecules,
 }
 

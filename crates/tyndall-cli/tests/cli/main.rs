@@ -8,6 +8,7 @@ mod device;
 mod errors;
 mod info;
 mod medium;
+mod periodic;
 mod pictures;
 mod stop;
 

@@ -23,7 +23,7 @@ pub enum Placement {
     /// Each in the cell, along the edges that repeat.
     Atoms,
     /// Those of a molecule as near each other as their images come, with the middle of all in the cell. A molecule is what the file
-    /// says (`mol`), else a residue.
+    /// says (`mol`), else a residue, or a chain of those that proteins and nucleic acids are made of.
     Molecules,
     /// Where they came to by themselves, by the file's image flags `ix iy iz`.
     Unwrapped,

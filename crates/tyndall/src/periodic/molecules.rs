@@ -9,7 +9,7 @@ use rayon::prelude::*;
 use super::lattice::Lattice;
 use super::{Edges, counted};
 use crate::error::{Error, Result};
-use crate::particles::{Attribute, Particles};
+use crate::particles::{Attribute, Particles, View};
 
 /// See the module.
 pub(super) struct Molecules {
@@ -23,12 +23,26 @@ pub(super) struct Molecules {
 
 /// Names of numbers of molecules: LAMMPS dumps and data files, other programs.
 const MOLECULE_NAMES: [&str; 4] = ["mol", "molecule", "molecule_id", "mol_id"];
-/// Names of the numbers of residues, and of what else tells two residues apart.
+/// Names of the numbers of residues, and of what else tells chains apart.
 const RESIDUE_NAMES: [&str; 3] = ["resid", "residue", "residue_number"];
-const BESIDE_NAMES: [&str; 5] = ["chain", "asym", "segment", "resname", "icode"];
+const CHAIN_NAMES: [&str; 3] = ["chain", "asym", "segment"];
+/// Residues that are links of chains: amino acids with the protonation states of the AMBER, CHARMM and OPLS force fields, their caps,
+/// and nucleotides.
+const LINKS: &str = " ALA ARG ASN ASP CYS GLN GLU GLY HIS ILE LEU LYS MET PHE PRO SER THR TRP TYR VAL ASH GLH LYN CYM CYX HID HIE HIP \
+    HSD HSE HSP HISD HISE HISH HIS1 HIS2 LYSH ARGN ASPH GLUH CYS2 CYSH MSE SEC PYL ACE NME NMA NH2 NAC A C G U T I DA DC DG DT DU ADE CYT GUA THY URA \
+    RA RC RG RU ";
+
+/// Whether a residue of this name is a link of a chain; with N, C or 5, 3 where it ends one.
+fn is_link(name: &str) -> bool {
+    let is_known = |name: &str| !name.is_empty() && LINKS.contains(&format!(" {name} "));
+    let name = name.trim();
+    let inside =
+        name.strip_suffix(['5', '3']).or_else(|| name.strip_prefix(['N', 'C']).filter(|it| it.len() == 3));
+    is_known(name) || inside.is_some_and(is_known)
+}
 
 impl Molecules {
-    /// Those of the particles: by a number of molecules, else residues. Fails with [`Error::Setting`] if there are neither.
+    /// Those of the particles: by a number of molecules, else residues and chains of them. Fails with [`Error::Setting`] if there are neither.
     pub(super) fn of(particles: &Particles) -> Result<Self> {
         let named = |names: &[&str]| {
             let whole = |it: &&Attribute| it.components == 1 && it.values.is_discrete();
@@ -38,8 +52,9 @@ impl Molecules {
             return Ok(Self::numbered(numbers));
         }
         if let Some(residues) = named(&RESIDUE_NAMES) {
-            let beside = BESIDE_NAMES.iter().filter_map(|name| particles.attribute(name));
-            return Ok(Self::runs(&std::iter::once(residues).chain(beside).collect::<Vec<_>>()));
+            let beside: Vec<&Attribute> =
+                CHAIN_NAMES.iter().filter_map(|name| particles.attribute(name)).collect();
+            return Ok(Self::residues(residues, particles.attribute("resname"), &beside));
         }
         let allowed = "atoms: the file has neither molecules (mol) nor residues (resid)";
         Err(Error::setting("--wrap", "molecules", allowed))
@@ -56,12 +71,23 @@ impl Molecules {
         Self { order, starts, by: numbers.name.clone() }
     }
 
-    /// Runs of particles that have all of these in common.
-    fn runs(common: &[&Attribute]) -> Self {
-        let count = common[0].values.len();
-        let differs = |at: usize, it: &&Attribute| it.number(at, 0) != it.number(at - 1, 0);
-        let starts = starts(count, |at| common.iter().any(|it| differs(at, it)));
-        Self { order: (0..count as u32).collect(), starts, by: common[0].name.clone() }
+    /// Runs of particles of one residue. Residues of proteins and nucleic acids that follow each other in number are a chain.
+    fn residues(numbers: &Attribute, names: Option<&Attribute>, beside: &[&Attribute]) -> Self {
+        let count = numbers.values.len();
+        let links: Vec<bool> = match names.map(|it| it.values.view()) {
+            Some(View::Text { names, .. }) => names.iter().map(|name| is_link(name)).collect(),
+            _ => Vec::new(),
+        };
+        let is_link = |at: usize| {
+            names.is_some_and(|names| links.get(names.number(at, 0) as usize).copied().unwrap_or_default())
+        };
+        let is_first = |at: usize| {
+            let differs = |it: &&Attribute| it.number(at, 0) != it.number(at - 1, 0);
+            let step = numbers.number(at, 0) - numbers.number(at - 1, 0);
+            let follows = (0.0..=1.0).contains(&step) && is_link(at) && is_link(at - 1);
+            beside.iter().any(differs) || !follows && (step != 0.0 || names.iter().any(differs))
+        };
+        Self { order: (0..count as u32).collect(), starts: starts(count, is_first), by: numbers.name.clone() }
     }
 
     /// By how many edges each particle has to be moved to make molecules whole, with their middles in the cell.

@@ -166,6 +166,21 @@ fn molecules_become_whole_and_their_middles_lie_in_the_cell() {
 }
 
 #[test]
+fn residues_of_a_protein_are_a_chain_and_waters_are_not() {
+    let resnames = ["NALA", "GLY", "CHIE", "SOL", "SOL", "ALA", "DA5"].map(String::from).to_vec();
+    let attributes = vec![
+        // The last amino acid is numbered anew: another chain.
+        Attribute::new("resid", 1, Values::I32(vec![1, 2, 3, 4, 5, 1, 2])),
+        Attribute::new("resname", 1, Values::Text { codes: (0..7).collect(), names: resnames }),
+    ];
+    let places = [4.25, 0.75, 3.25, 1.75, 4.25, 0.75, 5.5].map(|x| DVec3::new(x, 1.0, 1.0));
+    let before = particles(&places, Some(CELLS[0]), attributes);
+    let (after, _) = place(before, Placement::Molecules).unwrap();
+    let x: Vec<f64> = worlds(&after).iter().map(|it| it.x).collect();
+    assert_eq!(x, [-1.75, 0.75, 3.25, 1.75, 4.25, 0.75, -0.5]);
+}
+
+#[test]
 fn molecule_zero_is_none() {
     let mol = vec![Attribute::new("mol", 1, Values::I32(vec![0, 0, 7, 7]))];
     let places = [DVec3::splat(0.5), DVec3::new(5.5, 0.5, 0.5), DVec3::splat(0.5), DVec3::new(5.8, 0.5, 0.5)];

@@ -94,9 +94,9 @@ impl Scene {
         self.colors.column()
     }
 
-    /// The color of the particle at `node`: linear RGB, 0 to 1.
+    /// The color of the particle at `node`, without images: linear RGB, 0 to 1.
     #[inline(always)]
     pub(crate) fn color(&self, node: u32) -> [f32; 3] {
-        self.colors.color(self.structure.original(node) as usize)
+        self.colors.color(node as usize)
     }
 }

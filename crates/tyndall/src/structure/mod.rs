@@ -260,7 +260,7 @@ impl Structure {
             let except = except.and_then(|node| node.checked_sub(replica.first_node));
             each_store!(&self.store, store => store.intersect(ray, except))
         };
-        Nearest::new(replicas, ray, ask).found(&self.store_bounds())
+        Nearest::new(replicas, ray, ask).found(&self.own_bounds())
     }
 
     /// As [`Structure::intersect`], and counts in `visits` what that took.
@@ -269,7 +269,7 @@ impl Structure {
             return each_store!(&self.store, store => store.search(Search::observed(ray, visits)));
         };
         let ask = |ray: &Ray, _| each_store!(&self.store, store => store.search(Search::observed(ray, &mut *visits)));
-        Nearest::new(replicas, ray, ask).found(&self.store_bounds())
+        Nearest::new(replicas, ray, ask).found(&self.own_bounds())
     }
 
     /// Calls `met` with distance and node of every particle that `ray` enters, in no order, and returns the first one along it. Of images
@@ -288,14 +288,14 @@ impl Structure {
             each_store!(&self.store, store => store.occluded(ray, except))
         };
         let mut any = Any { ray, ask, is_met: false };
-        replicas.visit(&self.store_bounds(), &mut any);
+        replicas.visit(&self.own_bounds(), &mut any);
         any.is_met
     }
 
     /// The node, in the particles themselves, of the particle whose image is at `node`.
     #[inline(always)]
     pub(crate) fn original(&self, node: u32) -> u32 {
-        self.replicas.as_ref().map_or(node, |replicas| replicas.split(node).1)
+        self.replicas.as_ref().map_or(node, |replicas| replicas.locate(node).0)
     }
 
     /// Whether the particle at `node` is shown: see [`Structure::show`].
@@ -333,12 +333,16 @@ impl Structure {
     /// Center and radius of the particle at `node`.
     #[inline(always)]
     pub fn sphere(&self, node: u32) -> (Vec3, f32) {
-        let Some(replicas) = &self.replicas else {
-            return each_store!(&self.store, store => store.sphere(node));
-        };
-        let (number, original) = replicas.split(node);
-        let (center, radius) = each_store!(&self.store, store => store.sphere(original));
-        (center + replicas.shift(number), radius)
+        let Some(replicas) = &self.replicas else { return self.own_sphere(node) };
+        let (original, shift) = replicas.locate(node);
+        let (center, radius) = self.own_sphere(original);
+        (center + shift, radius)
+    }
+
+    /// The same without images.
+    #[inline(always)]
+    pub(crate) fn own_sphere(&self, node: u32) -> (Vec3, f32) {
+        each_store!(&self.store, store => store.sphere(node))
     }
 
     /// By node the ids of the particles, without images: their places among those that the structure was built from.
@@ -359,7 +363,7 @@ impl Structure {
 
     /// The box of all particles, radii included, in all images.
     pub fn bounds(&self) -> Bounds {
-        let bounds = self.store_bounds();
+        let bounds = self.own_bounds();
         match &self.replicas {
             Some(replicas) if !bounds.is_empty() => replicas.around(&bounds),
             _ => bounds,
@@ -367,7 +371,7 @@ impl Structure {
     }
 
     /// The box of the particles themselves.
-    pub(crate) fn store_bounds(&self) -> Bounds {
+    pub(crate) fn own_bounds(&self) -> Bounds {
         each_store!(&self.store, store => store.bounds())
     }
 

@@ -208,16 +208,10 @@ impl ReplicaTree {
         self.shifts.len() as u32
     }
 
-    /// The image that a node belongs to, counted from 0, and the node of the same particle in the structure.
+    /// The node of the same particle in the structure, and by how much the image at `node` is moved.
     #[inline(always)]
-    pub(crate) fn split(&self, node: u32) -> (u32, u32) {
-        (node / self.nodes, node % self.nodes)
-    }
-
-    /// By how much an image is moved.
-    #[inline(always)]
-    pub(crate) fn shift(&self, number: u32) -> Vec3 {
-        self.shifts[number as usize]
+    pub(crate) fn locate(&self, node: u32) -> (u32, Vec3) {
+        (node % self.nodes, self.shifts[(node / self.nodes) as usize])
     }
 }
 

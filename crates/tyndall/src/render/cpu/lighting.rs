@@ -98,7 +98,7 @@ pub(super) fn gather<S: Simd>(
                 shadow(simd, bvh, pass, toward, surfaces, scratch, counts);
             }
             Some(replicas) => {
-                let images = (replicas, &structure.store_bounds());
+                let images = (replicas, &structure.own_bounds());
                 shadow_of_images(simd, images, bvh, pass, toward, layer, scratch, counts);
             }
         }
@@ -189,16 +189,16 @@ pub(super) fn place<S: Simd>(
     toward: Vec3,
     scratch: &mut Lit,
 ) -> Option<Light> {
-    let packet = scratch.lanes.iter().position(|&lanes| lanes != 0)?;
-    let lane = scratch.lanes[packet].trailing_zeros() as usize;
-    let [x, y, z] = &position[packet];
+    let first = scratch.lanes.iter().position(|&lanes| lanes != 0)?;
+    let lane = scratch.lanes[first].trailing_zeros() as usize;
+    let [x, y, z] = &position[first];
     let mut light = Light::new(toward, Vec3::new(x[lane], y[lane], z[lane]), 0.0);
     let origin = Lanes3::splat(simd, light.origin);
     let mut farthest = f32x16::splat(simd, 0.0);
-    for packet in packet..PACKETS {
+    for (packet, position) in position.iter().enumerate().skip(first) {
         if scratch.lanes[packet] != 0 {
             let lanes = mask32x16::from_bitmask(simd, u64::from(scratch.lanes[packet]));
-            let offset = Lanes3::load(simd, &position[packet]).minus(origin);
+            let offset = Lanes3::load(simd, position).minus(origin);
             let largest = offset.x.abs().max(offset.y.abs()).max(offset.z.abs());
             farthest = lanes.select(farthest.max(largest), farthest);
             light.project(simd, offset).store(&mut scratch.at[packet]);

@@ -404,7 +404,7 @@ fn find_hits<S: Simd>(
             let place = (corner[0] + inside[0], corner[1] + inside[1]);
             let beam = Beam::new(pass, place.0 as f32, place.1 as f32);
             if let Some(replicas) = structure.replicas() {
-                let images = (replicas, &structure.store_bounds());
+                let images = (replicas, &structure.own_bounds());
                 let (rays, stack) = (&mut scratch.rays, &mut scratch.stack);
                 return replicas::walk(simd, images, bvh, &pass.view, &beam, tile, rays, stack);
             }

@@ -36,6 +36,8 @@ pub(super) fn look_up<S: Simd>(
         return None;
     }
 
+    let structure = scene.structure();
+    let images = structure.replicas();
     // Neighboring rays often meet the same particle: it is looked up once for all of them.
     let zero = f32x16::splat(simd, 0.0);
     let mut center = Lanes3 { x: zero, y: zero, z: zero };
@@ -47,10 +49,14 @@ pub(super) fn look_up<S: Simd>(
         let node = node[left.trailing_zeros() as usize];
         let same = nodes.simd_eq(u32x16::splat(simd, node));
         left &= !same.to_bitmask();
-        let sphere = scene.structure().sphere(node);
+        let (original, shift) = images.map_or((node, Vec3::ZERO), |images| images.locate(node));
+        let mut sphere = structure.own_sphere(original);
+        if images.is_some() {
+            sphere.0 += shift;
+        }
         center = Lanes3::splat(simd, sphere.0).where_else(same, center);
         radius = same.select(f32x16::splat(simd, sphere.1), radius);
-        color = Lanes3::splat(simd, Vec3::from_array(scene.color(node))).where_else(same, color);
+        color = Lanes3::splat(simd, Vec3::from_array(scene.color(original))).where_else(same, color);
     }
 
     let (origin, direction) = if view.perspective {

@@ -99,11 +99,7 @@ impl Tile {
         let mut wins = enters & t.simd_lt(depth);
         let ties = (enters & t.simd_eq(depth)).to_bitmask();
         if ties != 0 {
-            // Equally near: rare, but for particles at one place.
-            let id = |node: u32| (node / self.image_nodes, bvh.ids()[(node % self.image_nodes) as usize]);
-            let smaller =
-                |lane: &usize| ties >> lane & 1 == 1 && id(sphere.node) < id(self.node[block][*lane]);
-            let won = (0..RAYS).filter(smaller).fold(0, |mask, lane| mask | 1 << lane);
+            let won = self.smaller_ids(bvh, block, ties, sphere.node);
             wins |= mask32x16::from_bitmask(simd, won);
         }
         let depth = wins.select(t, depth);
@@ -111,6 +107,16 @@ impl Tile {
         let old = u32x16::load_array_ref(simd, &self.node[block]);
         wins.select(u32x16::splat(simd, sphere.node), old).store_array(&mut self.node[block]);
         self.block_depth[block] = depth.reduce_max();
+    }
+
+    /// Which of the rays of a block in the mask, that met something just as near, meet the particle at `node` instead: that of an earlier
+    /// image, and within an image the smaller id. Rare, but for particles at one place.
+    #[cold]
+    #[inline(never)]
+    fn smaller_ids(&self, bvh: &Bvh, block: usize, ties: u64, node: u32) -> u64 {
+        let id = |node: u32| (node / self.image_nodes, bvh.ids()[(node % self.image_nodes) as usize]);
+        let smaller = |lane: &usize| ties >> lane & 1 == 1 && id(node) < id(self.node[block][*lane]);
+        (0..RAYS).filter(smaller).fold(0, |mask, lane| mask | 1 << lane)
     }
 
     #[simd]
@@ -441,6 +447,7 @@ fn draw_leaf<S: Simd>(simd: S, bvh: &Bvh, leaf: usize, view: &View, beam: &Beam,
     if kept == 0 {
         return;
     }
+    let first_node = tile.first_node + (leaf * LEAF) as u32;
     let near = shadow.near.to_array();
     let ranges = shadow.ranges(simd);
     let (centers, radii) = (centers.to_arrays(), radius.to_array());
@@ -452,7 +459,7 @@ fn draw_leaf<S: Simd>(simd: S, bvh: &Bvh, leaf: usize, view: &View, beam: &Beam,
         let sphere = Sphere {
             center: Vec3::new(centers[0][lane], centers[1][lane], centers[2][lane]),
             radius: radii[lane],
-            node: tile.first_node + (leaf * LEAF + lane) as u32,
+            node: first_node + lane as u32,
         };
         for y in y_low..=y_high {
             for x in x_low..=x_high {
