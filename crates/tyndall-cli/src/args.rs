@@ -5,6 +5,7 @@ use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use glam::DVec3;
+use tyndall::scene::bonding::Bonding;
 use tyndall::scene::coloring::{Coloring, Norm, Range};
 use tyndall::scene::colormap::Colormap;
 use tyndall::scene::select::{Clip, Filter};
@@ -319,6 +320,13 @@ pub(crate) struct Look {
     /// One radius for all particles [default: the file's, else by element, else half the usual distance]
     #[arg(long, value_name = "R", value_parser = length, allow_hyphen_values = true)]
     pub(crate) radius: Option<f32>,
+    /// Draws bonds, each half in the color of its particle: those of the file, else by the elements (auto), or file, elements, or up to this
+    /// distance. Spheres keep their radius: --radius-scale 0.25 shows balls and sticks
+    #[arg(long, value_name = "WHICH", num_args = 0..=1, default_missing_value = "auto")]
+    pub(crate) bonds: Option<Bonding>,
+    /// Radius of a bond [default: a tenth of their usual length]
+    #[arg(long, value_name = "R", value_parser = length, allow_hyphen_values = true, requires = "bonds")]
+    pub(crate) bond_radius: Option<f32>,
     /// What every radius is multiplied with
     #[arg(long, value_name = "S", default_value = "1", value_parser = length, allow_hyphen_values = true)]
     pub(crate) radius_scale: f32,

@@ -85,6 +85,9 @@ fn text(sequence: &Sequence, number: usize, frame: &Frame, structure: Option<Str
         true => "columns position".to_string(),
         false => format!("columns position · {}", columns.join(" · ")),
     });
+    if !particles.bonds().is_empty() {
+        lines.push(format!("bonds {}", grouped(particles.bonds().len())));
+    }
     lines.extend(structure);
     let dropped = particles.dropped().total();
     if dropped > 0 {

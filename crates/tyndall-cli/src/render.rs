@@ -10,6 +10,7 @@ use tyndall::periodic::Placement;
 use tyndall::render::estimate::Work;
 use tyndall::render::{Culling, Settings};
 use tyndall::scene::automatic::{self, Outliers};
+use tyndall::scene::bonding;
 use tyndall::scene::camera::{Camera, VERTICAL_ANGLE};
 use tyndall::scene::color::{ParticleColors, resolve};
 use tyndall::scene::coloring::{Norm, Range};
@@ -51,7 +52,7 @@ pub(crate) fn run(args: &args::Render, report: &Report) -> Outcome<()> {
     let wanted = Wanted {
         coloring: args.look.color.clone(),
         filters: args.selection.filters.clone(),
-        radii: args.look.radius.is_none(),
+        radii: args.look.radius.is_none() || args.look.bonds.is_some(),
     };
     let sequence = input::open(&args.input, Some(wanted), report)?;
     let pictures = plan::pictures(args, &job.pattern, sequence.len(), report)?;
@@ -119,12 +120,15 @@ impl<'a> Job<'a> {
             options.check()?;
         }
         let images = args.selection.images();
+        let bonds = args.look.bonds.map(|_| "--bonds");
         let coverage = matches!(culling, Culling::Certified(proofs) if proofs.coverage);
         if images.is_some() && coverage {
             return Err(Error::setting("--certified", "coverage", "without coverage with --replicate").into());
         }
-        if images.is_some() && matches!(culling, Culling::Confidence(_)) {
-            return Err(Error::setting("--culling", "confidence", "off or certified with --replicate").into());
+        let beyond = images.map(|_| "--replicate").or(bonds);
+        if let (Some(wanted), Culling::Confidence(_)) = (beyond, culling) {
+            let allowed = format!("off or certified with {wanted}");
+            return Err(Error::setting("--culling", "confidence", allowed).into());
         }
         let settings = Settings { width, height, samples, seed: *seed, culling };
         let asked = structure::kind(&args.method.structure)?;
@@ -151,12 +155,7 @@ impl<'a> Job<'a> {
             pattern: Pattern::new(&args.picture.output),
             renders: Renders::new(
                 &args.method.device,
-                device::Work {
-                    structure,
-                    culling,
-                    build: args.method.build,
-                    beyond_cards: images.map(|_| "--replicate"),
-                },
+                device::Work { structure, culling, build: args.method.build, beyond_cards: beyond },
                 report,
             )?,
         })
@@ -196,8 +195,8 @@ impl<'a> Job<'a> {
 
     /// The frame as parts, if it has to be read in parts and can be.
     fn parts(&self, sequence: &Sequence, number: usize) -> Option<Parts> {
-        // Particles that are put elsewhere are all needed at once.
-        if input::placement(&self.args.input) != Placement::AsStored {
+        // Particles that are put elsewhere or bonded are all needed at once.
+        if input::placement(&self.args.input) != Placement::AsStored || self.args.look.bonds.is_some() {
             return None;
         }
         // What is wrong with the file is said when it is read.
@@ -312,8 +311,12 @@ impl<'a> Job<'a> {
             None => self.camera(spheres, replicas.as_ref(), guesses),
         };
         let colors = self.colors(&particles, kept.as_ref())?;
+        let look = &self.args.look;
+        let bonded =
+            look.bonds.map(|which| bonding::find(&particles, which, look.bond_radius)).transpose()?;
         let selection = Found::of(&self.args.selection, &particles)?;
         let mut guesses = self.guesses(&conventions, count, &radius_text, &colors, &framing_text);
+        guesses.extend(bonded.iter().map(|bonded| bonded.description.clone()));
         if is_first {
             self.report.note(format_args!("tyndall: {}", guesses.join(" · ")));
             let Settings { width, height, .. } = self.settings;
@@ -321,6 +324,10 @@ impl<'a> Job<'a> {
             let sample = opened.as_ref().map_or(spheres, |opened| opened.spheres(spheres.radius_scale));
             if let Some(warning) = too_small(sample, &view) {
                 self.report.warn(&warning);
+            }
+            if look.bonds.is_some() && look.radius.is_none() && look.radius_scale == 1.0 {
+                let text = "note: bonds lie within the spheres where these touch; --radius-scale 0.25 shows balls and sticks";
+                self.report.note(text);
             }
             let range =
                 colors.legend.as_ref().map(|legend| (legend.norm, Range::Given(legend.low, legend.high)));
@@ -368,6 +375,9 @@ impl<'a> Job<'a> {
         let mut scene = Scene::new(structure, colors, Lighting::Flat, self.background);
         if let Some(replicas) = &replicas {
             scene.replicate(replicas)?;
+        }
+        if let Some(bonded) = bonded.filter(|bonded| !bonded.segments.is_empty()) {
+            scene.bond(&bonded.segments, bonded.radius)?;
         }
         if let Some(text) = selection.hide_others(&mut scene)? {
             self.tell(is_first, &text);

@@ -423,6 +423,8 @@ pub struct Columns {
     pub time: Option<f64>,
     /// The unit of lengths, where the file or its format tells.
     pub length_unit: Option<String>,
+    /// Pairs of particles that are bonded, by their places in the columns.
+    pub bonds: Vec<[u32; 2]>,
 }
 
 /// How many particles were left out on entry, and why.
@@ -463,6 +465,7 @@ pub struct Particles {
     length_unit: Option<String>,
     dropped: Dropped,
     places: Option<Frozen<u64>>,
+    bonds: Vec<[u32; 2]>,
     /// The box of the centers, once it is known.
     bounds: OnceLock<Bounds>,
 }
@@ -476,7 +479,7 @@ impl Particles {
     ///
     /// Fails with [`Error::Setting`] if a column's length does not fit or there are 2^32 - 1 particles or more.
     pub fn new(columns: Columns) -> Result<Self> {
-        let Columns { mut positions, mut attributes, radii, cell, time, length_unit } = columns;
+        let Columns { mut positions, mut attributes, radii, cell, time, length_unit, bonds } = columns;
         let count = positions.len();
         check_lengths(count, &attributes)?;
         let radii = radii.or_else(|| radii_by_name(&attributes));
@@ -506,8 +509,9 @@ impl Particles {
             let kept: Vec<u64> = (0..count as u64).filter(|&id| keep[id as usize]).collect();
             places = Some(kept.into());
         }
+        let bonds = checked_bonds(bonds, count, places.as_deref());
         let bounds = OnceLock::new();
-        Ok(Self { positions, attributes, radii, cell, time, length_unit, dropped, places, bounds })
+        Ok(Self { positions, attributes, radii, cell, time, length_unit, dropped, places, bonds, bounds })
     }
 
     /// Takes columns that [`Particles::new`] has checked before, as they were saved, with what else it knew. Nothing is looked at but
@@ -515,7 +519,7 @@ impl Particles {
     ///
     /// Fails with [`Error::Setting`] if a length does not fit, or the radii refer to an attribute that is not there.
     pub fn restore(columns: Columns, entry: Entry) -> Result<Self> {
-        let Columns { positions, attributes, radii, cell, time, length_unit } = columns;
+        let Columns { positions, attributes, radii, cell, time, length_unit, bonds } = columns;
         let Entry { dropped, places, bounds } = entry;
         let count = positions.len();
         check_lengths(count, &attributes)?;
@@ -531,8 +535,9 @@ impl Particles {
         if places.as_ref().is_some_and(|places| places.len() != count) {
             return Err(Error::setting("places", "of another number", format!("one for {count} particles")));
         }
+        let bonds = checked_bonds(bonds, count, None);
         let bounds = OnceLock::from(bounds);
-        Ok(Self { positions, attributes, radii, cell, time, length_unit, dropped, places, bounds })
+        Ok(Self { positions, attributes, radii, cell, time, length_unit, dropped, places, bonds, bounds })
     }
 
     /// Whether all positions are finite, and all radii neither negative nor infinite.
@@ -638,6 +643,11 @@ impl Particles {
         self.length_unit.as_deref()
     }
 
+    /// Pairs of particles that are bonded, by their ids; each pair once, the smaller id first, in order.
+    pub fn bonds(&self) -> &[[u32; 2]] {
+        &self.bonds
+    }
+
     /// How many were dropped on entry.
     pub fn dropped(&self) -> Dropped {
         self.dropped
@@ -688,6 +698,22 @@ impl Particles {
         };
         *self.bounds.get_or_init(around)
     }
+}
+
+/// Each bond once, in order, between two of `count` particles; where some were dropped, `places` are the places of the others.
+fn checked_bonds(mut bonds: Vec<[u32; 2]>, count: usize, places: Option<&[u64]>) -> Vec<[u32; 2]> {
+    let id = |place: u32| match places {
+        Some(places) => places.binary_search(&u64::from(place)).ok().map(|id| id as u32),
+        None => Some(place).filter(|&place| (place as usize) < count),
+    };
+    bonds.retain_mut(|bond| {
+        let (Some(one), Some(other)) = (id(bond[0]), id(bond[1])) else { return false };
+        *bond = [one.min(other), one.max(other)];
+        one != other
+    });
+    bonds.par_sort_unstable();
+    bonds.dedup();
+    bonds
 }
 
 /// Refuses too many particles, and columns that have more or less values.

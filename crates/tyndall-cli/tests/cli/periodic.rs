@@ -136,7 +136,7 @@ fn boxes_that_say_too_little_are_refused_with_a_way_out() {
         ("info one.dump --unwrap", ["--unwrap", "no image flags ix iy iz — --wrap molecules"]),
         (
             "build one.dump -o a.tyn --wrap molecules",
-            ["--wrap cannot be 'molecules'", "neither molecules (mol) nor residues"],
+            ["--wrap cannot be 'molecules'", "neither molecules (mol), residues (resid) nor bonds"],
         ),
     ] {
         folder.line(words).fails(2, &parts);

@@ -217,6 +217,7 @@ impl AtomSite {
             cell: document.cell(&mut conventions),
             time: None,
             length_unit: Some("Å".to_string()),
+            bonds: Vec::new(),
         };
         let assemblies = document.assemblies();
         let columns = match &request.options.assembly {

@@ -6,7 +6,7 @@ use crate::error::{Error, Result};
 use crate::particles::Cell;
 
 /// See the module.
-pub(super) struct Lattice {
+pub(crate) struct Lattice {
     origin: DVec3,
     vectors: [DVec3; 3],
     periodic: [bool; 3],
@@ -23,7 +23,7 @@ const FLAT: f64 = 1e-9;
 impl Lattice {
     /// Of a cell; `setting` has the value `name`. Fails with [`Error::Setting`] if the cell does not repeat at all, or its edges
     /// span no volume.
-    pub(super) fn new(cell: &Cell, setting: &str, name: &str) -> Result<Self> {
+    pub(crate) fn new(cell: &Cell, setting: &str, name: &str) -> Result<Self> {
         let Cell { origin, vectors, periodic } = *cell;
         let refuse = |allowed: &str| Err(Error::setting(setting, name, allowed));
         let edges: Vec<DVec3> = (0..3).filter(|&axis| periodic[axis]).map(|axis| vectors[axis]).collect();
@@ -63,6 +63,21 @@ impl Lattice {
         self.only_periodic((self.fractions * shift).round())
     }
 
+    /// The cell's corner.
+    pub(super) fn origin(&self) -> DVec3 {
+        self.origin
+    }
+
+    /// Along which edges it repeats.
+    pub(super) fn periodic(&self) -> [bool; 3] {
+        self.periodic
+    }
+
+    /// What makes coordinates along the edges, counted in edges, of a vector.
+    pub(super) fn fractions(&self) -> DMat3 {
+        self.fractions
+    }
+
     /// Without those along edges that do not repeat.
     pub(super) fn only_periodic(&self, edges: DVec3) -> DVec3 {
         DVec3::from_array(std::array::from_fn(|axis| if self.periodic[axis] { edges[axis] } else { 0.0 }))
@@ -74,7 +89,7 @@ impl Lattice {
     }
 
     /// The shortest of the vectors that lead from a point to the images of another, of which `offset` is one.
-    pub(super) fn nearest(&self, offset: DVec3) -> DVec3 {
+    pub(crate) fn nearest(&self, offset: DVec3) -> DVec3 {
         let whole = (self.short_fractions * offset).round();
         let near = offset - (0..3).map(|at| whole[at] * self.short[at]).sum::<DVec3>();
         // Rounding finds a near one; along short vectors the nearest is at most one step away.

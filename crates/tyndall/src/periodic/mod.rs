@@ -5,14 +5,16 @@
 
 mod lattice;
 mod molecules;
+mod neighbors;
 
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
 use crate::error::{Error, Result};
 use crate::particles::{Particles, Values, View};
-use lattice::Lattice;
+pub(crate) use lattice::Lattice;
 use molecules::Molecules;
+pub(crate) use neighbors::pairs;
 
 /// Where particles of a periodic box are.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -23,7 +25,7 @@ pub enum Placement {
     /// Each in the cell, along the edges that repeat.
     Atoms,
     /// Those of a molecule as near each other as their images come, with the middle of all in the cell. A molecule is what the file
-    /// says (`mol`), else a residue, or a chain of those that proteins and nucleic acids are made of.
+    /// says (`mol`), else a residue, or a chain of those that proteins and nucleic acids are made of; and what bonds join to it.
     Molecules,
     /// Where they came to by themselves, by the file's image flags `ix iy iz`.
     Unwrapped,

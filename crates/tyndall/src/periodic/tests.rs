@@ -181,6 +181,43 @@ fn residues_of_a_protein_are_a_chain_and_waters_are_not() {
 }
 
 #[test]
+fn bonds_say_whom_a_particle_follows() {
+    for (number, cell) in CELLS.iter().enumerate() {
+        let mut stream = Stream::new(43, number as u64);
+        // Trees: each particle is bonded to any before it, so that the one before in the file may be far.
+        let (mut wanted, mut bonds, mut trees) = (Vec::new(), Vec::new(), Vec::new());
+        for size in [1, 2, 3, 8, 30] {
+            let first = wanted.len();
+            wanted.push(inside(cell, &mut stream));
+            for at in 1..size {
+                let other = first + (stream.unit() * at as f32) as usize;
+                let step = 1.5 * f64::from(stream.unit()) * stream.direction().as_dvec3();
+                bonds.push([(first + at) as u32, other as u32]);
+                wanted.push(wanted[other] + step);
+            }
+            trees.push(first..wanted.len());
+        }
+        let places: Vec<DVec3> =
+            wanted.iter().map(|it| *it + shift(cell, random_edges(cell, &mut stream))).collect();
+        let mut positions = Positions::around(DVec3::ZERO);
+        positions.extend(&places);
+        let columns = Columns { positions, cell: Some(*cell), bonds, ..Columns::default() };
+        let (after, text) = place(Particles::new(columns).unwrap(), Placement::Molecules).unwrap();
+        assert!(text.unwrap().starts_with("molecules by bonds, whole"));
+        let after = worlds(&after);
+        for tree in trees {
+            let moved = after[tree.start] - wanted[tree.start];
+            for id in tree {
+                assert!(
+                    (after[id] - moved).abs_diff_eq(wanted[id], 1e-3),
+                    "cell {number}: a molecule is torn"
+                );
+            }
+        }
+    }
+}
+
+#[test]
 fn molecule_zero_is_none() {
     let mol = vec![Attribute::new("mol", 1, Values::I32(vec![0, 0, 7, 7]))];
     let places = [DVec3::splat(0.5), DVec3::new(5.5, 0.5, 0.5), DVec3::splat(0.5), DVec3::new(5.8, 0.5, 0.5)];
@@ -203,7 +240,7 @@ fn what_cannot_be_placed_says_what_is_missing() {
     assert!(refused(&none, Placement::Unwrapped).starts_with("--unwrap cannot be 'on'"));
     assert!(
         refused(&bare, Placement::Molecules)
-            .contains("atoms: the file has neither molecules (mol) nor residues")
+            .contains("atoms: the file has neither molecules (mol), residues (resid) nor bonds")
     );
     assert!(refused(&bare, Placement::Unwrapped).contains("no image flags ix iy iz — --wrap molecules"));
     let (same, text) = place(none.clone(), Placement::AsStored).unwrap();

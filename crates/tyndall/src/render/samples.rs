@@ -36,7 +36,7 @@ impl Renderer<'_> {
             settings: self.settings,
             film: self.film,
             passes: self.passes,
-            nodes: self.scene.structure().nodes(),
+            nodes: self.scene.nodes(),
             level: self.level,
         })
     }
@@ -75,7 +75,7 @@ impl SampleBuffer {
     }
 
     fn passes<'a>(&self, scene: &'a Scene, film: &mut Film) -> Result<Vec<cpu::Pass<'a>>> {
-        let found = scene.structure().nodes();
+        let found = scene.nodes();
         if found != self.nodes {
             return Err(Error::setting("scene", found, "the particles that the samples met"));
         }

@@ -4,6 +4,7 @@
 //! its node, besides its id. All structures answer with the same formula, [`crate::math::enter_sphere`], so that they agree
 //! bit for bit. Where two particles are entered at the same distance, the one with the smaller id counts.
 
+pub mod bonds;
 mod build;
 pub mod bvh;
 pub(crate) mod heap;
@@ -320,9 +321,20 @@ impl Structure {
         self.ids().len()
     }
 
+    /// How many images of the particles there are, themselves included.
+    pub fn images(&self) -> u32 {
+        self.replicas.as_ref().map_or(1, ReplicaTree::count)
+    }
+
+    /// By how much an image is moved.
+    #[inline(always)]
+    pub(crate) fn shift(&self, image: u32) -> Vec3 {
+        self.replicas.as_ref().map_or(Vec3::ZERO, |replicas| replicas.shift(image))
+    }
+
     /// Nodes count from 0 to this: the particles, times the images.
     pub fn nodes(&self) -> u32 {
-        self.len() as u32 * self.replicas.as_ref().map_or(1, ReplicaTree::count)
+        self.len() as u32 * self.images()
     }
 
     /// Whether there are none.

@@ -80,6 +80,8 @@ impl Replicas {
 /// One of the images.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Replica {
+    /// Counted from 0.
+    pub(crate) number: u32,
     /// By how much it is moved.
     pub(crate) shift: Vec3,
     /// The node of its first particle.
@@ -145,7 +147,7 @@ impl ReplicaTree {
             let [x, y, _] = replicas.counts;
             let number = low[0] + x * (low[1] + y * low[2]);
             self.shifts[number as usize] = span.min;
-            let replica = Replica { shift: span.min, first_node: number * self.nodes };
+            let replica = Replica { number, shift: span.min, first_node: number * self.nodes };
             self.blocks.push(Block { span, content: Content::One(replica) });
             return;
         }
@@ -206,6 +208,12 @@ impl ReplicaTree {
     /// How many images there are.
     pub(crate) fn count(&self) -> u32 {
         self.shifts.len() as u32
+    }
+
+    /// By how much an image is moved.
+    #[inline(always)]
+    pub(crate) fn shift(&self, image: u32) -> Vec3 {
+        self.shifts[image as usize]
     }
 
     /// The node of the same particle in the structure, and by how much the image at `node` is moved.

@@ -1,5 +1,6 @@
 //! Tests that look inside: structures and kernels against brute force, on random and on degenerate scenes.
 
+mod bonds;
 mod certified;
 mod culling;
 mod interactive;

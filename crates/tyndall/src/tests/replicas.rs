@@ -23,7 +23,7 @@ const CELL: Cell = Cell {
 const COUNTS: [[u32; 3]; 6] = [[2, 2, 3], [1, 1, 2], [2, 1, 1], [1, 3, 1], [2, 3, 2], [1, 1, 1]];
 
 /// Particles near the cell's corner, some of them where images of others are, and the same with copies.
-fn particles(count: usize, counts: [u32; 3], random: &mut Random) -> [(Particles, Radii); 2] {
+pub(super) fn particles(count: usize, counts: [u32; 3], random: &mut Random) -> [(Particles, Radii); 2] {
     let mut places = Vec::new();
     let mut radii = Vec::new();
     for id in 0..count {
@@ -57,7 +57,7 @@ fn particles(count: usize, counts: [u32; 3], random: &mut Random) -> [(Particles
 }
 
 /// From outside, from within, or along the x axis with parallel rays.
-fn camera(random: &mut Random) -> Camera {
+pub(super) fn camera(random: &mut Random) -> Camera {
     let (perspective, parallel) =
         (Projection::Perspective { vertical_angle: 0.4 }, Projection::Orthographic { height: 8.0 });
     let (eye, look_at, projection) = match random.below(4) {

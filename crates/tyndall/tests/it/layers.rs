@@ -14,7 +14,7 @@ const ARROWS: [(&str, &[&str]); 8] = [
     ("periodic", &["particles"]),
     ("synthetic", &["particles"]),
     ("structure", &["particles"]),
-    ("scene", &["structure", "particles"]),
+    ("scene", &["structure", "periodic", "particles"]),
     ("medium", &["particles"]),
     ("render", &["scene", "medium", "structure", "particles", "film"]),
 ];

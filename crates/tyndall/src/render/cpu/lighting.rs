@@ -9,8 +9,9 @@ use fearless_simd_macros::simd;
 use glam::Vec3;
 
 use super::beams::{self, Spans};
+use super::bonds;
 use super::hits::PACKETS;
-use super::replicas::{Moved, shadow_of_images};
+use super::replicas::{Moved, Replicated, shadow_of_images};
 use super::shadows::{self, Light};
 use super::surfaces::Layer;
 use super::tiles::RAYS;
@@ -38,7 +39,7 @@ pub(super) struct Lit {
     pub(super) at: [[[f32; RAYS]; 3]; PACKETS],
     sorted: Sorted,
     beam_stack: Vec<beams::Entry>,
-    shadow_stack: Vec<shadows::Entry>,
+    pub(super) shadow_stack: Vec<shadows::Entry>,
     /// What an image sees of the surfaces, where there are images.
     pub(super) moved: Option<Box<Moved>>,
 }
@@ -87,23 +88,27 @@ pub(super) fn gather<S: Simd>(
 ) {
     find_facing(simd, layer, toward, scratch);
     let structure = pass.scene.structure();
+    let replicated = Replicated::of(pass.scene);
     if let Store::Bvh(bvh) = &structure.store {
         if pass.certified.light_bounds {
             counts.light_points +=
                 scratch.lanes.iter().map(|lanes| u64::from(lanes.count_ones())).sum::<u64>();
         }
-        match structure.replicas() {
-            None => {
-                let surfaces = Surfaces { position: &layer.position, on: &layer.node };
-                shadow(simd, bvh, pass, toward, surfaces, scratch, counts);
-            }
-            Some(replicas) => {
-                let images = (replicas, &structure.own_bounds());
-                shadow_of_images(simd, images, bvh, pass, toward, layer, scratch, counts);
-            }
+        if replicated.is_none() {
+            let surfaces = Surfaces { position: &layer.position, on: &layer.node };
+            shadow(simd, bvh, pass, toward, surfaces, scratch, counts);
         }
     } else {
         ask_single_rays(structure, toward, layer, &mut scratch.lanes);
+    }
+    match (replicated, pass.scene.bonds()) {
+        (Some(replicated), _) => shadow_of_images(simd, replicated, pass, toward, layer, scratch, counts),
+        (None, Some(bonds)) => {
+            let surfaces = Surfaces { position: &layer.position, on: &layer.node };
+            let bonds = (bonds, structure.nodes());
+            bonds::shadow(simd, bonds, toward, surfaces, &mut scratch.lanes, &mut scratch.shadow_stack);
+        }
+        (None, None) => {}
     }
 
     let zero = f32x16::splat(simd, 0.0);

@@ -8,6 +8,7 @@ use fearless_simd_macros::simd;
 use glam::Vec3;
 
 use super::beams::Spans;
+use super::bonds;
 use super::hits::PACKETS;
 use super::lighting::{Lit, Surfaces, place, shadow};
 use super::pass::Pass;
@@ -16,38 +17,69 @@ use super::surfaces::Layer;
 use super::tiles::{self, BLOCKS, Beam, Entry, RAYS, Tile};
 use crate::math::{Bounds, HIT_ROUNDING};
 use crate::render::certified::Counts;
+use crate::scene::Scene;
 use crate::scene::camera::View;
 use crate::simd::Lanes3;
+use crate::structure::Store;
+use crate::structure::bonds::Bonds;
 use crate::structure::bvh::Bvh;
 use crate::structure::replicas::{Replica, ReplicaTree, Visitor};
 
 /// By block and axis: see [`Tile::varying`].
 pub(super) type Rays = [[[f32; RAYS]; 3]; BLOCKS];
 
+/// What a scene has images of, as far as these kernels walk it: other structures than the hierarchy are asked ray by ray.
+#[derive(Clone, Copy)]
+pub(super) struct Replicated<'a> {
+    replicas: &'a ReplicaTree,
+    bounds: Bounds,
+    bvh: Option<&'a Bvh>,
+    /// With the node of the first bond of the first image.
+    bonds: Option<(&'a Bonds, u32)>,
+}
+
+impl<'a> Replicated<'a> {
+    /// Of a scene, if it has images.
+    pub(super) fn of(scene: &'a Scene) -> Option<Self> {
+        let structure = scene.structure();
+        let replicas = structure.replicas()?;
+        let bonds = scene.bonds().map(|bonds| (bonds, structure.nodes()));
+        let around_bonds = bonds.map_or(Bounds::EMPTY, |(bonds, _)| bonds.bounds());
+        let (bvh, around) = match &structure.store {
+            Store::Bvh(bvh) => (Some(bvh), bvh.bounds()),
+            _ => (None, Bounds::EMPTY),
+        };
+        Some(Self { replicas, bounds: around.union(around_bonds), bvh, bonds })
+    }
+
+    /// The bonds of an image, with the node of its first one.
+    #[inline(always)]
+    fn bonds_of(&self, replica: &Replica) -> Option<(&'a Bonds, u32)> {
+        self.bonds.map(|(bonds, first_node)| (bonds, first_node + replica.number * bonds.nodes()))
+    }
+}
+
 /// Finds what every ray of the tile meets in any image. `rays` and `stack` are scratch.
 #[simd]
-#[expect(clippy::too_many_arguments, reason = "a walk, and the images that it goes through")]
 pub(super) fn walk<S: Simd>(
     simd: S,
-    (replicas, bounds): (&ReplicaTree, &Bounds),
-    bvh: &Bvh,
-    view: &View,
-    beam: &Beam,
+    replicated: Replicated,
+    (view, beam): (&View, &Beam),
     tile: &mut Tile,
     rays: &mut Rays,
     stack: &mut Vec<Entry>,
 ) {
     *rays = tile.varying;
-    tile.image_nodes = replicas.nodes;
-    let mut images = Images { simd, bvh, view, beam, tile, rays, stack };
-    replicas.visit(bounds, &mut images);
+    tile.image_nodes = replicated.replicas.nodes;
+    let mut images = Images { simd, replicated, view, beam, tile, rays, stack };
+    replicated.replicas.visit(&replicated.bounds, &mut images);
     tile.varying = *rays;
 }
 
 /// What is drawn into a tile, image by image.
 struct Images<'a, S: Simd> {
     simd: S,
-    bvh: &'a Bvh,
+    replicated: Replicated<'a>,
     view: &'a View,
     beam: &'a Beam,
     tile: &'a mut Tile,
@@ -62,7 +94,8 @@ impl<S: Simd> Visitor for Images<'_, S> {
     }
 
     #[inline(always)]
-    fn look(&mut self, Replica { shift, first_node }: Replica) {
+    fn look(&mut self, replica: Replica) {
+        let Replica { shift, first_node, .. } = replica;
         let view = View { eye: self.view.eye - shift, ..*self.view };
         let beam = self.beam.moved_back(shift);
         if !self.beam.perspective {
@@ -72,7 +105,12 @@ impl<S: Simd> Visitor for Images<'_, S> {
             }
         }
         self.tile.first_node = first_node;
-        tiles::walk(self.simd, self.bvh, &view, &beam, self.tile, self.stack, None);
+        if let Some(bvh) = self.replicated.bvh {
+            tiles::walk(self.simd, bvh, &view, &beam, self.tile, self.stack, None);
+        }
+        if let Some(bonds) = self.replicated.bonds_of(&replica) {
+            bonds::walk(self.simd, bonds, &view, &beam, self.tile, self.stack);
+        }
     }
 }
 
@@ -90,11 +128,9 @@ impl Moved {
 
 /// Clears the lanes of `lit` of all surfaces of the layer that do not see past every particle of every image in direction `toward`.
 #[simd]
-#[expect(clippy::too_many_arguments, reason = "a walk, and the images that it goes through")]
 pub(super) fn shadow_of_images<S: Simd>(
     simd: S,
-    (replicas, bounds): (&ReplicaTree, &Bounds),
-    bvh: &Bvh,
+    replicated: Replicated,
     pass: &Pass,
     toward: Vec3,
     layer: &Layer,
@@ -103,14 +139,14 @@ pub(super) fn shadow_of_images<S: Simd>(
 ) {
     let Some(light) = place(simd, &layer.position, toward, lit) else { return };
     let spans = Spans::of(simd, &lit.at, &lit.lanes);
-    let mut images = Shadows { simd, bvh, pass, light, spans, layer, lit, counts };
-    replicas.visit(bounds, &mut images);
+    let mut images = Shadows { simd, replicated, pass, light, spans, layer, lit, counts };
+    replicated.replicas.visit(&replicated.bounds, &mut images);
 }
 
 /// What shadows the surfaces of a film tile, image by image.
 struct Shadows<'a, S: Simd> {
     simd: S,
-    bvh: &'a Bvh,
+    replicated: Replicated<'a>,
     pass: &'a Pass<'a>,
     /// Where the surfaces lie in the light, before any of them was found to be shadowed.
     light: Light,
@@ -140,8 +176,9 @@ impl<S: Simd> Visitor for Shadows<'_, S> {
     }
 
     #[inline(always)]
-    fn look(&mut self, Replica { shift, first_node }: Replica) {
-        let simd = self.simd;
+    fn look(&mut self, replica: Replica) {
+        let Replica { shift, first_node, .. } = replica;
+        let (simd, toward) = (self.simd, self.light.toward);
         // Taken out meanwhile: the rest of the scratch is needed too.
         let mut moved = self.lit.moved.take().unwrap_or_else(Moved::new);
         for packet in (0..PACKETS).filter(|&packet| self.lit.lanes[packet] != 0) {
@@ -150,7 +187,15 @@ impl<S: Simd> Visitor for Shadows<'_, S> {
             moved.on[packet] = self.layer.node[packet].map(|node| node.wrapping_sub(first_node));
         }
         let surfaces = Surfaces { position: &moved.position, on: &moved.on };
-        shadow(simd, self.bvh, self.pass, self.light.toward, surfaces, self.lit, self.counts);
+        if let Some(bvh) = self.replicated.bvh {
+            shadow(simd, bvh, self.pass, toward, surfaces, self.lit, self.counts);
+        }
+        if let Some((bonds, first_bond)) = self.replicated.bonds_of(&replica) {
+            // Counted as the nodes on which the surfaces lie.
+            let bonds = (bonds, first_bond.wrapping_sub(first_node));
+            let Lit { lanes, shadow_stack, .. } = &mut *self.lit;
+            bonds::shadow(simd, bonds, toward, surfaces, lanes, shadow_stack);
+        }
         self.lit.moved = Some(moved);
     }
 }

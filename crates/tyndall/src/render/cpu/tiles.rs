@@ -40,7 +40,7 @@ pub(super) struct Tile {
     /// The node of what it met; meaningless where it met nothing.
     pub(super) node: [[u32; RAYS]; BLOCKS],
     /// The deepest ray of each block and of each quad.
-    block_depth: [f32; BLOCKS],
+    pub(super) block_depth: [f32; BLOCKS],
     quad_depth: [f32; QUADS],
     /// The node of the first particle of the image that is drawn, and how many nodes an image has: all where there is one.
     pub(super) first_node: u32,
@@ -78,7 +78,7 @@ impl Tile {
 
     /// Whether something that starts at depth `near` can matter to one of the quads.
     #[inline(always)]
-    fn is_open(&self, near: f32, quads: u8) -> bool {
+    pub(super) fn is_open(&self, near: f32, quads: u8) -> bool {
         (0..QUADS).any(|quad| quads >> quad & 1 == 1 && near <= self.quad_depth[quad])
     }
 
@@ -120,7 +120,7 @@ impl Tile {
     }
 
     #[simd]
-    fn update_quads<S: Simd>(&mut self, simd: S) {
+    pub(super) fn update_quads<S: Simd>(&mut self, simd: S) {
         for quad in 0..QUADS {
             let blocks = &self.block_depth[quad * QUAD_BLOCKS..][..QUAD_BLOCKS];
             self.quad_depth[quad] = f32x16::from_slice(simd, blocks).reduce_max();
@@ -141,7 +141,7 @@ struct Sphere {
 /// front of the eye where the view has perspective.
 #[derive(Clone, Copy)]
 pub(super) struct Beam {
-    eye: Vec3,
+    pub(super) eye: Vec3,
     across: [Vec3; 2],
     shift: [f32; 2],
     /// Depth along the tile's middle ray: never more than the distance along any of its rays.
@@ -149,7 +149,7 @@ pub(super) struct Beam {
     forward: Vec3,
     pub(super) perspective: bool,
     /// Largest distance from the eye at which a ray starts, in each coordinate.
-    spread: f32,
+    pub(super) spread: f32,
     /// Pixels along the edge of a block, if rays go through the centers of pixels only.
     centers: Option<f32>,
 }
@@ -220,17 +220,17 @@ pub(super) fn open_from<S: Simd>(simd: S, beam: &Beam, tile: &Tile, bounds: &Bou
 }
 
 /// What projected boxes or particles cover: a range of blocks across, down, and where they start.
-struct Shadow<V> {
+pub(super) struct Shadow<V> {
     low: [V; 2],
     high: [V; 2],
-    near: V,
+    pub(super) near: V,
     /// Where they end along the view's axis; at or below zero they lie behind the eye.
     far: V,
 }
 
 /// Projects things at `center`, measured from the eye.
 #[inline(always)]
-fn project<S: Simd, V: SimdFloat<S, Element = f32>>(
+pub(super) fn project<S: Simd, V: SimdFloat<S, Element = f32>>(
     simd: S,
     beam: &Beam,
     center: Lanes3<V>,
@@ -263,7 +263,7 @@ fn project<S: Simd, V: SimdFloat<S, Element = f32>>(
 impl<V> Shadow<V> {
     /// Which lanes touch each quad, as one bit mask a quad; and of those the ones in front of which it is still open.
     #[inline(always)]
-    fn touched_quads<S: Simd>(&self, simd: S, tile: &Tile) -> [[u32; QUADS]; 2]
+    pub(super) fn touched_quads<S: Simd>(&self, simd: S, tile: &Tile) -> [[u32; QUADS]; 2]
     where
         V: SimdFloat<S, Element = f32>,
     {
@@ -288,7 +288,7 @@ impl<V> Shadow<V> {
 impl<S: Simd> Shadow<f32x16<S>> {
     /// The blocks that each lane covers: the first and the last across, the first and the last down, three bits each.
     #[inline(always)]
-    fn ranges(&self, simd: S) -> [u32; LEAF] {
+    pub(super) fn ranges(&self, simd: S) -> [u32; LEAF] {
         let zero = f32x16::splat(simd, 0.0);
         let last = f32x16::splat(simd, (EDGE - 1) as f32);
         let half = 0.5 * EDGE as f32;
@@ -328,7 +328,14 @@ pub(super) struct Entry {
     pub(super) place: Place,
     /// The quads that it touches, and those of them that were open in front of it when it was met.
     pub(super) touched: u8,
-    open: u8,
+    pub(super) open: u8,
+}
+
+impl Entry {
+    /// Everything.
+    pub(super) fn of_all(place: Place) -> Self {
+        Self { near: 0.0, place, touched: 0b1111, open: 0b1111 }
+    }
 }
 
 /// What a walk went through, for the next one of the same tile: every particle that touches the tile is in one of the leaves
@@ -359,7 +366,7 @@ pub(super) fn walk<S: Simd>(
             let entries = memory.behind.drain(..).chain(memory.leaves.drain(..).rev());
             stack.extend(entries.map(|entry| Entry { open: entry.touched, ..entry }));
         }
-        _ => stack.extend(bvh.root().map(|place| Entry { near: 0.0, place, touched: 0b1111, open: 0b1111 })),
+        _ => stack.extend(bvh.root().map(Entry::of_all)),
     }
     while let Some(entry) = stack.pop() {
         if !tile.is_open(entry.near, entry.open) {
@@ -379,7 +386,7 @@ pub(super) fn walk<S: Simd>(
 
 /// Pushes the children that can matter, the nearest last; remembers those that lie behind.
 #[simd]
-fn push_children<S: Simd>(
+pub(super) fn push_children<S: Simd>(
     simd: S,
     bvh: &Bvh,
     place: Place,
