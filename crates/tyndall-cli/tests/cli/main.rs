@@ -2,6 +2,7 @@
 #![allow(clippy::unwrap_used, reason = "helpers of tests, in which a panic is the failure")]
 
 mod bench;
+mod bonds;
 mod build;
 mod convert;
 mod device;

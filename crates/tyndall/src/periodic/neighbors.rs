@@ -171,7 +171,7 @@ mod tests {
             positions.extend(&places);
             let particles = Particles::new(Columns { positions, cell, ..Columns::default() }).unwrap();
             let lattice = particles.cell().map(|cell| Lattice::new(cell, "", "").unwrap());
-            let reach = |a: u32, b: u32| if (a + b) % 3 == 0 { 1.0 } else { 1.9 };
+            let reach = |a: u32, b: u32| if (a + b).is_multiple_of(3) { 1.0 } else { 1.9 };
             let mut found = pairs(&particles, lattice.as_ref(), 1.9, 1000, reach).unwrap();
             found.sort_unstable();
             let mut wanted = Vec::new();
