@@ -116,6 +116,9 @@ pub(crate) struct Input {
     /// Fails on a truncated file, instead of reading its whole frames
     #[arg(long)]
     pub(crate) strict: bool,
+    /// Looks for the frames of a long text anew, and does not keep where they are; else that is kept in the cache folder, until the file changes
+    #[arg(long)]
+    pub(crate) no_index: bool,
     /// What to do with particles that cannot be drawn (NaN positions, negative radii)
     #[arg(long, value_name = "WHAT", default_value = "drop")]
     pub(crate) on_bad: OnBad,
@@ -282,19 +285,23 @@ pub(crate) struct Selection {
     /// Shows only particles with these values, both ends of a range included: c_pe=-4.2:-3.1, v.x=0:, type=1,3, element=O,H; may be repeated
     #[arg(long = "filter", value_name = "NAME=VALUES", allow_hyphen_values = true)]
     pub(crate) filters: Vec<Filter>,
+    /// Shows only particles for which this is true: "element == O and z > 2", 'not resname SOL', 'type 1 3 and v.x^2 < 4', "random() < 0.1"; may be repeated. The language is in docs/expressions.md
+    #[arg(long = "select", value_name = "EXPRESSION", value_parser = Filter::condition, allow_hyphen_values = true)]
+    pub(crate) conditions: Vec<Filter>,
     /// Shows only particles whose center is there: z<10, z<0.5L (L: the cell's size), 'plane X,Y,Z NX,NY,NZ' (cuts away what the normal points to), 'box X,Y,Z X,Y,Z' (keeps what is inside); may be repeated
     #[arg(long = "clip", visible_alias = "slice", value_name = "WHERE", allow_hyphen_values = true)]
     pub(crate) clips: Vec<Clip>,
-    /// Shows periodic images too: so many along each edge of the cell, from the file's own on; NX,NY,NZ or one number for all. They take
-    /// no memory, and show what is chosen here alike
-    #[arg(long, value_name = "NX,NY,NZ", value_parser = crate::values::images)]
-    pub(crate) replicate: Option<[u32; 3]>,
 }
 
 impl Selection {
-    /// How many images along each edge, if there are several.
-    pub(crate) fn images(&self) -> Option<[u32; 3]> {
-        self.replicate.filter(|images| *images != [1; 3])
+    /// Filters and conditions.
+    pub(crate) fn all_filters(&self) -> Vec<Filter> {
+        self.filters.iter().chain(&self.conditions).cloned().collect()
+    }
+
+    /// Whether nothing is asked for.
+    pub(crate) fn is_empty(&self) -> bool {
+        self.filters.is_empty() && self.conditions.is_empty() && self.clips.is_empty()
     }
 }
 
@@ -302,7 +309,7 @@ impl Selection {
 #[derive(Args)]
 #[command(next_help_heading = "Look")]
 pub(crate) struct Look {
-    /// What is shown as color: an attribute (c_pe), a component (v.x), a magnitude (|v|), element, type, #rrggbb, a color's name, auto
+    /// What is shown as color: an attribute (c_pe), a component (v.x), a magnitude (|v|), an expression (c_pe/mass), element, type, #rrggbb, a color's name, auto
     #[arg(long, value_name = "SPEC", default_value = "auto")]
     pub(crate) color: Coloring,
     /// Color map by matplotlib's name, reversed with _r [default: by the quantity]
@@ -320,6 +327,10 @@ pub(crate) struct Look {
     /// One radius for all particles [default: the file's, else by element, else half the usual distance]
     #[arg(long, value_name = "R", value_parser = length, allow_hyphen_values = true)]
     pub(crate) radius: Option<f32>,
+    /// Shows periodic images too: so many along each edge of the cell, from the file's own on; NX,NY,NZ or one number for all. They take
+    /// no memory, and show what is chosen alike
+    #[arg(long, value_name = "NX,NY,NZ", value_parser = crate::values::images)]
+    pub(crate) replicate: Option<[u32; 3]>,
     /// Draws bonds, each half in the color of its particle: those of the file, else by the elements (auto), or file, elements, or up to this
     /// distance. Spheres keep their radius: --radius-scale 0.25 shows balls and sticks
     #[arg(long, value_name = "WHICH", num_args = 0..=1, default_missing_value = "auto")]
@@ -333,6 +344,13 @@ pub(crate) struct Look {
     /// Light
     #[arg(long, value_name = "LOOK", default_value = "default")]
     pub(crate) look: LightLook,
+}
+
+impl Look {
+    /// How many images along each edge, if there are several.
+    pub(crate) fn images(&self) -> Option<[u32; 3]> {
+        self.replicate.filter(|images| *images != [1; 3])
+    }
 }
 
 /// How particles are lit.
@@ -504,6 +522,8 @@ pub(crate) struct Convert {
     /// Leaves files that are there already
     #[arg(long)]
     pub(crate) skip_existing: bool,
+    #[command(flatten)]
+    pub(crate) selection: Selection,
     #[command(flatten)]
     pub(crate) common: Common,
 }

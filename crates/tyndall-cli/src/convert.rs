@@ -1,13 +1,15 @@
 //! `tyndall convert`: particles to another format.
 
+use std::path::Path;
 use std::time::Instant;
 
 use tyndall::Error;
-use tyndall_io::write;
+use tyndall_io::{Sequence, write};
 
+use crate::ahead::{self, Ahead};
 use crate::output::Pattern;
 use crate::report::{Failure, Outcome, Report, bytes, counted, seconds};
-use crate::{args, input, plan, progress};
+use crate::{args, input, plan, progress, selection};
 
 /// Writes the frames that are asked for: into one file if its format holds them, else each into its own.
 pub(crate) fn run(args: &args::Convert, report: &Report) -> Outcome<()> {
@@ -23,48 +25,75 @@ pub(crate) fn run(args: &args::Convert, report: &Report) -> Outcome<()> {
         ));
     }
     let files: Vec<&[usize]> = if pattern.is_numbered() { chosen.chunks(1).collect() } else { vec![&chosen] };
-    let (mut written, count) = (0, files.len());
-    for frames in files {
-        let path = pattern.name(frames[0]);
-        input::refuse_to_replace(&path, &sequence)?;
-        if args.skip_existing && path.exists() {
-            report.note(format_args!("note: {} is there already", path.display()));
-            continue;
+    ahead::reading(&sequence, &chosen, None, |ahead| {
+        let (mut written, count) = (0, files.len());
+        for frames in files {
+            let path = pattern.name(frames[0]);
+            input::refuse_to_replace(&path, &sequence)?;
+            if args.skip_existing && path.exists() {
+                report.note(format_args!("note: {} is there already", path.display()));
+                continue;
+            }
+            write_file(args, &path, frames, (&sequence, ahead), report).map_err(|failure| match failure {
+                Failure::Interrupted(_) => {
+                    Failure::Interrupted(format!("{written} of {count} files written"))
+                }
+                failure => failure,
+            })?;
+            written += 1;
         }
-        let start = Instant::now();
-        let mut particles = 0;
-        let notes = write::particles::particles(&path, args.fields.as_deref(), frames.len(), |place| {
-            if progress::stopped() {
-                return Err(Error::Interrupted);
-            }
-            let frame = sequence.frame(frames[place], report.progress())?;
-            let told = (&frame.particles, &frame.warnings[..]);
-            input::tell(&sequence.name(frames[place]), told, &args.input, report)?;
-            let (frame, text) = input::place(frame, &args.input)?;
-            match text {
-                Some(text) if place == 0 => report.note(text),
-                text => text.into_iter().for_each(|text| report.detail(text)),
-            }
-            particles += frame.particles.len();
-            Ok(frame.particles)
-        })
-        .map_err(|error| match error {
-            Error::Interrupted => Failure::Interrupted(format!("{written} of {count} files written")),
-            Error::Io { path: ref of, .. } if *of == path => Failure::Output(error),
-            error => Failure::Library(error),
+        Ok(())
+    })
+}
+
+/// Writes frames into one file.
+fn write_file(
+    args: &args::Convert,
+    path: &Path,
+    frames: &[usize],
+    (sequence, ahead): (&Sequence, &mut Ahead),
+    report: &Report,
+) -> Outcome<()> {
+    let start = Instant::now();
+    let (mut particles, mut failed) = (0, None);
+    let notes = write::particles::particles(path, args.fields.as_deref(), frames.len(), |place| {
+        if progress::stopped() {
+            return Err(Error::Interrupted);
+        }
+        let frame = ahead.frame(frames[place], report)?;
+        let told = (&frame.particles, &frame.warnings[..]);
+        input::tell(&sequence.name(frames[place]), told, &args.input, report)?;
+        let (frame, text) = input::place(frame, &args.input)?;
+        match text {
+            Some(text) if place == 0 => report.note(text),
+            text => text.into_iter().for_each(|text| report.detail(text)),
+        }
+        let (kept, share) = selection::keep(&args.selection, frame.particles).map_err(|failure| {
+            failed = Some(failure);
+            Error::Interrupted
         })?;
-        written += 1;
-        for note in notes {
-            report.warn(&note);
+        // The first frame's stands for all.
+        if let Some(share) = share.filter(|_| place == 0) {
+            report.note(share);
         }
-        let size = bytes(std::fs::metadata(&path).map_or(0, |it| it.len()));
-        report.note(format_args!(
-            "{}  {} · {} · {size} · {}",
-            path.display(),
-            counted(particles, "particle"),
-            counted(frames.len(), "frame"),
-            seconds(start.elapsed().as_secs_f64())
-        ));
+        particles += kept.len();
+        Ok(kept)
+    })
+    .map_err(|error| match (error, failed) {
+        (Error::Interrupted, Some(failure)) => failure,
+        (Error::Io { path: of, source }, _) if of == path => Failure::Output(Error::Io { path: of, source }),
+        (error, _) => Failure::from(error),
+    })?;
+    for note in notes {
+        report.warn(&note);
     }
+    let size = bytes(std::fs::metadata(path).map_or(0, |it| it.len()));
+    report.note(format_args!(
+        "{}  {} · {} · {size} · {}",
+        path.display(),
+        counted(particles, "particle"),
+        counted(frames.len(), "frame"),
+        seconds(start.elapsed().as_secs_f64())
+    ));
     Ok(())
 }

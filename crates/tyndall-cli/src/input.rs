@@ -9,6 +9,7 @@ use tyndall::structure::Kind;
 use tyndall::{Error, Particles, synthetic};
 use tyndall_io::{Frame, Options, Sequence, saved};
 
+use crate::ahead::Ahead;
 use crate::args::{Coords, Input, OnBad, Wrap};
 use crate::report::{Outcome, Report};
 
@@ -22,10 +23,23 @@ pub(crate) fn open(input: &Input, wanted: Option<Wanted>, report: &Report) -> Ou
         assembly: input.assembly.clone(),
         types: input.types.clone(),
         dataset: input.dataset.clone(),
+        index_folder: if input.no_index { None } else { cache_folder().map(|it| it.join("frames")) },
         // Molecules and image flags have names that pictures do not look at.
         wanted: wanted.filter(|_| matches!(placement(input), Placement::AsStored | Placement::Atoms)),
     };
     Ok(Sequence::open(&input.files, &options, report.progress())?)
+}
+
+/// Where programs of this user keep what they can make again; none where the system names no such place.
+fn cache_folder() -> Option<PathBuf> {
+    let named = |variable: &str| std::env::var_os(variable).map(PathBuf::from).filter(|it| it.is_absolute());
+    let of_system = if cfg!(windows) {
+        named("LOCALAPPDATA")
+    } else {
+        let below = if cfg!(target_os = "macos") { "Library/Caches" } else { ".cache" };
+        named("HOME").map(|home| home.join(below))
+    };
+    named("XDG_CACHE_HOME").or(of_system).map(|it| it.join("tyndall"))
 }
 
 /// The largest number of particles that is known without reading: that of procedural sources.
@@ -40,7 +54,11 @@ pub(crate) fn known_count(files: &[PathBuf]) -> Outcome<u64> {
 
 /// Reads a frame, says what is wrong with it, and puts its particles where they are wanted.
 pub(crate) fn read(sequence: &Sequence, number: usize, input: &Input, report: &Report) -> Outcome<Frame> {
-    let frame = as_stored(sequence, number, input, report)?;
+    placed(as_stored(sequence, number, input, report)?, input)
+}
+
+/// The frame with its particles where they are wanted, which is one more convention.
+fn placed(frame: Frame, input: &Input) -> Outcome<Frame> {
     let (frame, text) = place(frame, input)?;
     let conventions = frame.conventions.into_iter().chain(text).collect();
     Ok(Frame { conventions, ..frame })
@@ -54,6 +72,21 @@ pub(crate) fn as_stored(
     report: &Report,
 ) -> Outcome<Frame> {
     let frame = sequence.frame(number, report.progress())?;
+    told(frame, sequence, number, input, report)
+}
+
+/// Reads a frame, perhaps ahead of time, says what is wrong with it, and puts its particles where they are wanted.
+pub(crate) fn read_ahead(
+    (sequence, ahead): (&Sequence, &mut Ahead),
+    number: usize,
+    input: &Input,
+    report: &Report,
+) -> Outcome<Frame> {
+    let frame = ahead.frame(number, report)?;
+    placed(told(frame, sequence, number, input, report)?, input)
+}
+
+fn told(frame: Frame, sequence: &Sequence, number: usize, input: &Input, report: &Report) -> Outcome<Frame> {
     tell(&sequence.name(number), (&frame.particles, &frame.warnings), input, report)?;
     Ok(frame)
 }

@@ -2,6 +2,7 @@
 //!
 //! `args` defines the language, `values` how its words are written; each verb has a file; `report` speaks to people.
 
+mod ahead;
 mod args;
 mod bench;
 mod bench_culling;

@@ -84,6 +84,15 @@ pub(crate) fn chosen(
     Ok(chosen)
 }
 
+/// The frames that [`each_frame`] will read, in order.
+pub(crate) fn frames_to_read(pictures: &[Picture], skip_existing: bool) -> Vec<usize> {
+    let first = pictures.first().map(|it| it.frame);
+    let missing = pictures.iter().filter(|it| !(skip_existing && it.path.exists())).map(|it| it.frame);
+    let mut frames: Vec<usize> = first.into_iter().chain(missing).collect();
+    frames.dedup();
+    frames
+}
+
 /// Makes the pictures frame by frame with `of_frame`, and counts what failed: a frame that fails does not stop the others.
 ///
 /// `of_frame` gets the frame, its pictures, what it keeps of the first frame, and how many pictures were written, to which it adds.

@@ -27,14 +27,15 @@ use tyndall::{Error, Source};
 use tyndall_io::write::ImageOptions;
 use tyndall_io::{Parts, Saved, Sequence};
 
-use crate::args::{self, Builder, LightLook, Mode};
+use crate::ahead::Ahead;
+use crate::args::{self, Builder, LightLook, Mode, Selection};
 use crate::device::{self, Held, Renders};
 use crate::output::{Output, Pattern};
 use crate::plan::{self, Picture};
 use crate::report::{Failure, Outcome, Report, counted, seconds};
 use crate::selection::Found;
 use crate::values::{Background, Degrees};
-use crate::{culling, dry_run, input, medium, metadata, progress, structure};
+use crate::{ahead, culling, dry_run, input, medium, metadata, progress, structure};
 
 /// Renders what the command line asks for.
 pub(crate) fn run(args: &args::Render, report: &Report) -> Outcome<()> {
@@ -51,7 +52,7 @@ pub(crate) fn run(args: &args::Render, report: &Report) -> Outcome<()> {
     job.check_memory(&Work::of_count(known, job.structure, job.settings), Reading::Parts)?;
     let wanted = Wanted {
         coloring: args.look.color.clone(),
-        filters: args.selection.filters.clone(),
+        filters: args.selection.all_filters(),
         radii: args.look.radius.is_none() || args.look.bonds.is_some(),
     };
     let sequence = input::open(&args.input, Some(wanted), report)?;
@@ -59,10 +60,12 @@ pub(crate) fn run(args: &args::Render, report: &Report) -> Outcome<()> {
     if args.method.dry_run {
         return job.dry_run(&sequence, &pictures);
     }
-    let done =
+    let frames = plan::frames_to_read(&pictures, args.frames.skip_existing);
+    let done = ahead::reading(&sequence, &frames, args.method.memory, |ahead| {
         plan::each_frame(&pictures, args.frames.skip_existing, report, |frame, wanted, kept, written| {
-            job.pictures_of_frame(&sequence, frame, wanted, kept, (&mut output, written))
-        });
+            job.pictures_of_frame((&sequence, ahead), frame, wanted, kept, (&mut output, written))
+        })
+    });
     output.finish(done)
 }
 
@@ -119,7 +122,7 @@ impl<'a> Job<'a> {
         if let Culling::Confidence(options) = culling {
             options.check()?;
         }
-        let images = args.selection.images();
+        let images = args.look.images();
         let bonds = args.look.bonds.map(|_| "--bonds");
         let coverage = matches!(culling, Culling::Certified(proofs) if proofs.coverage);
         if images.is_some() && coverage {
@@ -256,9 +259,10 @@ impl<'a> Job<'a> {
         if !colors.is_constant() {
             return Err(Error::setting("--color", &colors.description, allowed).into());
         }
-        if let Some(filter) = self.args.selection.filters.first() {
+        let Selection { filters, conditions, .. } = &self.args.selection;
+        if let Some(filter) = filters.iter().chain(conditions).next() {
             let allowed = "given: the particles do not fit the memory with what each has of its own — --clip is possible";
-            return Err(Error::setting("--filter", filter, allowed).into());
+            return Err(Error::setting("--filter and --select", filter, allowed).into());
         }
         let radius = radius * self.args.look.radius_scale;
         let (structure, dropped) =
@@ -270,7 +274,7 @@ impl<'a> Job<'a> {
     /// Reads a frame, builds once, and makes its pictures.
     fn pictures_of_frame(
         &self,
-        sequence: &Sequence,
+        (sequence, ahead): (&Sequence, &mut Ahead),
         number: usize,
         pictures: &[&Picture],
         kept: &mut Option<Kept>,
@@ -288,7 +292,7 @@ impl<'a> Job<'a> {
                 (saved.particles, saved.conventions)
             }
             (None, None) => {
-                let frame = input::read(sequence, number, &self.args.input, self.report)?;
+                let frame = input::read_ahead((sequence, ahead), number, &self.args.input, self.report)?;
                 let work = Work::of(&frame.particles, self.structure, self.settings);
                 self.check_memory(&Work { columns_bytes: 0, ..work }, Reading::Whole)?;
                 (frame.particles, frame.conventions)
@@ -304,7 +308,7 @@ impl<'a> Job<'a> {
         let (radii, radius_text) = self.radii(&particles, guesses, kept.as_ref());
         let spheres =
             Spheres { particles: &particles, radii: &radii, radius_scale: self.args.look.radius_scale };
-        let images = self.args.selection.images();
+        let images = self.args.look.images();
         let replicas = images.map(|images| Replicas::new(particles.cell(), images)).transpose()?;
         let (camera, outline, framing_text) = match kept.as_ref() {
             Some(kept) => (kept.camera, kept.outline.clone(), "framed as the first frame".to_string()),
@@ -510,7 +514,7 @@ impl<'a> Job<'a> {
         let Settings { width, height, samples, .. } = self.settings;
         let mut guesses = vec![format!("{name}, {}", self.renders.name())];
         guesses.push(counted(count, "particle"));
-        if let Some([x, y, z]) = self.args.selection.images() {
+        if let Some([x, y, z]) = self.args.look.images() {
             guesses.push(format!("in {x}×{y}×{z} periodic images"));
         }
         guesses.extend(conventions.iter().cloned());

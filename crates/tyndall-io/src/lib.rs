@@ -3,6 +3,7 @@
 //! [`Sequence::open`] recognises a file by its content and reads its frames one at a time; [`mod@write`] puts an image on disk,
 //! [`mod@saved`] particles with their structure.
 
+mod frame_index;
 pub mod parts;
 pub mod read;
 pub mod saved;

@@ -1,7 +1,7 @@
 //! Frames, opened lazily: many files, or many frames in a file.
 //!
 //! Opening recognises each file and finds its frames: mapped text is scanned, compressed text is unpacked once and passed
-//! over. Kept are offsets only, and the unpacked content of a single compressed file where that is small. Reading a frame
+//! over, unless an earlier run has kept its index ([`Options::index_folder`]). Kept are offsets only, and the unpacked content of a single compressed file where that is small. Reading a frame
 //! maps the file anew; in a compressed file it goes on from where the last frame ended, or unpacks from the start again to
 //! go back, so that a long trajectory is never held as a whole.
 
@@ -12,6 +12,7 @@ use rayon::prelude::*;
 use tyndall::scene::wanted::Wanted;
 use tyndall::{Error, Particles, Progress, Result};
 
+use crate::frame_index;
 use crate::parts::Parts;
 use crate::read::{self, Feature, Feed, Format, Index, Open, Packing, Request, Span};
 use crate::saved::Saved;
@@ -38,6 +39,8 @@ pub struct Options {
     pub types: Option<Vec<String>>,
     /// Which data set of an HDF5 file has the positions, or which group of an H5MD file the particles, where there are several.
     pub dataset: Option<String>,
+    /// A folder in which indexes of the frames of long texts are kept, so that these are passed over once; none are kept if `None`.
+    pub index_folder: Option<PathBuf>,
     /// What the attributes are for: others are left out, where the format lets a reader pass over them. All are read if `None`.
     pub wanted: Option<Wanted>,
 }
@@ -303,6 +306,8 @@ impl FileSource {
         let (format, packing) = read::recognise(path, options)?;
         check_options(path, format, options)?;
         let (mut content, mut told) = (None, 0);
+        let kept =
+            options.index_folder.as_deref().and_then(|it| frame_index::Place::of(it, path, format.title));
         let index = match &format.open {
             Open::Whole(_) => {
                 Index { frames: vec![Span { offset: 0, line: 1, bytes: None }], ..Index::default() }
@@ -317,6 +322,7 @@ impl FileSource {
                 content = (keep && bytes.len() as u64 <= SMALL_BYTES).then(|| Arc::new(bytes));
                 index
             }
+            Open::Text { .. } if let Some(index) = kept.as_ref().and_then(frame_index::Place::load) => index,
             Open::Text { index, .. } => {
                 let (map, released);
                 let mut doubt = None;
@@ -337,6 +343,9 @@ impl FileSource {
                 told = feed.told();
                 content = feed.into_kept().map(Arc::new);
                 index.doubt = index.doubt.or(doubt);
+                if let Some(kept) = kept {
+                    kept.keep(&index);
+                }
                 index
             }
         };

@@ -499,13 +499,7 @@ impl Particles {
         let mut places = None;
         if dropped.total() > 0 {
             let keep: Vec<bool> = (0..count).into_par_iter().map(|id| finite(id) && sized(id)).collect();
-            for column in positions.offsets.own() {
-                let mut kept = keep.iter();
-                column.retain(|_| *kept.next().expect("one flag a particle"));
-            }
-            for attribute in &mut attributes {
-                attribute.values.retain(attribute.components, &keep);
-            }
+            retain(&mut positions, &mut attributes, &keep);
             let kept: Vec<u64> = (0..count as u64).filter(|&id| keep[id as usize]).collect();
             places = Some(kept.into());
         }
@@ -570,6 +564,17 @@ impl Particles {
         }
         let attributes = kept.into_iter().map(|(_, attribute)| attribute).collect();
         Self { attributes, radii, ..self }
+    }
+
+    /// Those of the particles that are flagged, with their places in the file.
+    pub(crate) fn retained(self, keep: &[bool]) -> Self {
+        let Self { mut positions, mut attributes, places, .. } = self;
+        retain(&mut positions, &mut attributes, keep);
+        let place = |id: usize| places.as_ref().map_or(id as u64, |places| places[id]);
+        let places: Vec<u64> = (0..keep.len()).filter(|&id| keep[id]).map(place).collect();
+        let ids: Vec<u64> = (0..keep.len() as u64).filter(|&id| keep[id as usize]).collect();
+        let bonds = checked_bonds(self.bonds, keep.len(), Some(&ids));
+        Self { positions, attributes, places: Some(places.into()), bonds, bounds: OnceLock::new(), ..self }
     }
 
     /// The same particles with radii `radii`, which may refer to their attributes.
@@ -681,7 +686,7 @@ impl Particles {
     pub fn bytes(&self) -> u64 {
         let places = self.places.as_ref().map_or(0, |places| size_of_val(&places[..]));
         let attributes = self.attributes.iter().map(|it| it.values.len() * it.values.value_bytes());
-        (12 * self.len() + places + attributes.sum::<usize>()) as u64
+        (12 * self.len() + places + size_of_val(&self.bonds[..]) + attributes.sum::<usize>()) as u64
     }
 
     /// The places in the file of all, by id; none where none was dropped.
@@ -714,6 +719,17 @@ fn checked_bonds(mut bonds: Vec<[u32; 2]>, count: usize, places: Option<&[u64]>)
     bonds.par_sort_unstable();
     bonds.dedup();
     bonds
+}
+
+/// Leaves those of the particles that are flagged.
+fn retain(positions: &mut Positions, attributes: &mut [Attribute], keep: &[bool]) {
+    for column in positions.offsets.own() {
+        let mut kept = keep.iter();
+        column.retain(|_| *kept.next().expect("one flag a particle"));
+    }
+    for attribute in attributes {
+        attribute.values.retain(attribute.components, keep);
+    }
 }
 
 /// Refuses too many particles, and columns that have more or less values.

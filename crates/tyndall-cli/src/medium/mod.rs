@@ -31,11 +31,11 @@ use tyndall_io::read::Described;
 use tyndall_io::write;
 
 use self::args::{CacheName, KernelName, MethodName, SmoothingName};
-use crate::args::{Picture, Render, Selection};
+use crate::args::{Picture, Render};
 use crate::output::{Output, Pattern};
 use crate::report::{Failure, Outcome, Report, counted, seconds};
 use crate::values::Background;
-use crate::{dry_run, input, metadata, plan, progress, render};
+use crate::{ahead, dry_run, input, metadata, plan, progress, render, selection};
 use picture::Renderer;
 use scene_file::SceneFile;
 use values::Rgb;
@@ -90,9 +90,9 @@ pub(crate) fn run(args: &Render, report: &Report) -> Outcome<()> {
     let pictures = plan::pictures(args, &pattern, sequence.len(), report)?;
     if args.method.dry_run {
         let frame = input::read(&sequence, pictures[0].frame, &args.input, report)?;
-        let particles = &frame.particles;
+        let (particles, _) = selection::keep(&args.selection, frame.particles)?;
         let settings = job.density_settings();
-        let (lattice, bytes) = density::plan(particles, &settings, report.progress())?;
+        let (lattice, bytes) = density::plan(&particles, &settings, report.progress())?;
         let secs = estimate::density_seconds(&settings, &lattice, rayon::current_num_threads());
         report.note(format_args!(
             "tyndall: {} · {}",
@@ -107,29 +107,33 @@ pub(crate) fn run(args: &Render, report: &Report) -> Outcome<()> {
         let text = "--statistics of several frames needs a number in the name, such as NAME.%04d.json";
         return Err(Failure::Usage(text.into()));
     }
-    let done =
+    let frames = plan::frames_to_read(&pictures, args.frames.skip_existing);
+    let done = ahead::reading(&sequence, &frames, args.method.memory, |ahead| {
         plan::each_frame(&pictures, args.frames.skip_existing, report, |number, wanted, kept, written| {
-            let frame = input::read(&sequence, number, &args.input, report)?;
-            let density = job.density(&frame.particles)?;
+            let frame = input::read_ahead((&sequence, ahead), number, &args.input, report)?;
+            let (particles, share) = selection::keep(&args.selection, frame.particles)?;
+            let density = job.density(&particles)?;
             if let Some(statistics) = &statistics {
-                let text = statistics::json(&frame.particles, &job.density_settings(), &density);
+                let text = statistics::json(&particles, &job.density_settings(), &density);
                 let path = statistics.name(number);
                 write::atomically(&path, |file| file.write_all(text.as_bytes())).map_err(Failure::Output)?;
             }
-            let mut guesses = job.described(&frame.particles, &density);
-            let (medium, scene) = job.scene(density.density, Some(&frame.particles), kept.as_ref())?;
+            let mut guesses = job.described(&particles, &density);
+            guesses.extend(share);
+            let (medium, scene) = job.scene(density.density, Some(&particles), kept.as_ref())?;
             guesses.extend(scene.guesses.clone());
             if kept.is_none() {
                 report.note(format_args!("tyndall: {}", guesses.join(" · ")));
             }
-            let time = frame.particles.time();
+            let time = particles.time();
             let metadata = metadata::entries(&sequence, number, time, &job.spheres_settings(), &guesses);
             let scene = kept.insert(scene);
             match wanted {
                 [] => Ok(()),
                 wanted => job.pictures(&medium, scene, wanted, &metadata, (&mut output, written)),
             }
-        });
+        })
+    });
     output.finish(done)
 }
 
@@ -162,12 +166,7 @@ impl Job<'_> {
             let text = "--method reference knows no noise — leave out --noise and --density-noise";
             return Err(Failure::Usage(text.into()));
         }
-        let Selection { filters, clips, .. } = &self.args.selection;
-        if !(filters.is_empty() && clips.is_empty()) {
-            let text = "--filter and --clip are for spheres — leave them out, or --mode medium";
-            return Err(Failure::Usage(text.into()));
-        }
-        if self.args.selection.images().is_some() {
+        if self.args.look.images().is_some() {
             let text = "--replicate is for spheres — leave it out, or --mode medium";
             return Err(Failure::Usage(text.into()));
         }

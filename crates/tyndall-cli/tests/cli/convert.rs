@@ -26,6 +26,20 @@ fn frames_go_into_one_file_or_into_many() {
 }
 
 #[test]
+fn only_what_is_selected_is_converted() {
+    let folder = Folder::new();
+    folder.file("a.xyz", line_of(3) + &line_of(5));
+    let told = folder.line("convert a.xyz -o b.dump --clip x<3.5 --select index>0").fine();
+    assert!(
+        told.contains("kept: 2 of 3 particles (index>0; x<3.5)") && told.contains("5 particles"),
+        "{told}"
+    );
+    let expected = "0 of 3 particles are left — the selection 'index>2' keeps none (index has 0, 1, 2)";
+    folder.line("convert a.xyz -o c.xyz --select index>2").fails(3, &[expected]);
+    assert_eq!(folder.names(), ["a.xyz", "b.dump"]);
+}
+
+#[test]
 fn what_cannot_be_converted_says_why_and_writes_nothing() {
     let folder = Folder::new();
     folder.file("a.xyz", line_of(3) + &line_of(5));

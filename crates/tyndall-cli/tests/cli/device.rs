@@ -44,11 +44,12 @@ fn the_card_hides_what_the_processor_hides_and_writes_the_same_layers() {
     let draw = |selection: &str, device: &str, name: &str| {
         folder.render(&format!("line.xyz {selection} --size 64x48 --device {device} -o {name}")).fine()
     };
-    for structure in ["bvh", "pkd", "treelets"] {
+    for structure in ["bvh", "bvh --culling confidence --vc 8", "pkd", "treelets"] {
         let selection = format!("--structure {structure} --filter c_pe=3:30 --clip x<20");
         for device in ["cpu", "gpu"] {
             let told = draw(&selection, device, &format!("{device}.png"));
-            assert!(told.contains(&format!("{structure}, {device} ")), "{told}");
+            let kind = structure.split(' ').next().unwrap();
+            assert!(told.contains(&format!("{kind}, {device} ")), "{told}");
         }
         draw("", "gpu", "all.png");
         let [cpu, gpu, all] = ["cpu.png", "gpu.png", "all.png"].map(|name| png(&folder.path(name)).0);

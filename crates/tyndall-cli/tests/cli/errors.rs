@@ -120,7 +120,15 @@ fn a_selection_that_shows_nothing_says_why() {
         .fails(2, &["no attribute 'typ'; did you mean 'type'? available: id, type, x, y, z"]);
     render(&["--filter", "type"]).fails(2, &["there is no '='", "type=1,3"]);
     render(&["--clip", "w<3"]).fails(2, &["z<0.5L", "plane X,Y,Z NX,NY,NZ"]);
-    render(&["--clip", "x<3", "--mode", "medium"]).fails(2, &["--filter and --clip are for spheres"]);
+    render(&["--select", "type == 9"])
+        .fails(3, &["0 of 3 particles are shown — the selection 'type == 9' keeps none (type has 1, 2)"]);
+    render(&["--select", "type == 2 and x > 4"])
+        .fails(3, &["the selection 'type == 2 and x > 4' keeps none (type has 1, 2; x has 1, 3, 5)"]);
+    render(&["--select", "typ == 1"]).fails(2, &["--select cannot be 'typ == 1'", "did you mean 'type'?"]);
+    render(&["--select", "type == 1 and"]).fails(2, &["a number or a name is missing at the end"]);
+    render(&["--color", "x * sqr(x)"]).fails(2, &["--color cannot be 'x * sqr(x)'", "did you mean 'sqrt'?"]);
+    render(&["--select", "type == 9", "--mode", "medium"])
+        .fails(3, &["0 of 3 particles are left — the selection"]);
     render(&["--filter", "type=1", "--eye", "0,0,50", "--look-at", "0,0,90"])
         .fails(3, &["0 of 2 shown of 3 particles are in view"]);
     let streamed =

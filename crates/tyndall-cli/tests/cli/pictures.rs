@@ -326,6 +326,8 @@ fn what_is_not_shown_is_as_if_it_were_not_there() {
         ("a.png", &["--filter", "c_pe=2.5:4.5"][..]),
         ("b.png", &["--filter", "c_pe=2:", "--filter", "x=:4", "--structure", "pkd"]),
         ("c.png", &["--clip", "x<4", "--slice", "x > 2"]),
+        ("f.png", &["--select", "element == Cu and 2 <= c_pe < 5"]),
+        ("g.png", &["--select", "x > 1", "--select", "index 0:4", "--structure", "pkd"]),
         ("d.png", &["--clip", "box 1.9,-1,-1 4.1,1,1", "--filter", "element=Cu"]),
         ("e.png", &["--clip", "x<0.5L", "--filter", "x=2:", "--pack", "16"]),
     ] {
@@ -339,6 +341,12 @@ fn what_is_not_shown_is_as_if_it_were_not_there() {
     }
     folder.render(&format!("all.xyz -o all.png {camera}")).fine();
     assert!(png(&folder.path("all.png")).0 != expected, "the others can be seen");
+    // A medium of the same.
+    let medium = "--mode medium --grid 24 --smoothing uniform --h0 1.2 --eye 4,-30,9 --look-at 4,0,0";
+    folder.render(&format!("some.xyz -o thin.png {medium}")).fine();
+    let said = folder.render(&format!("all.xyz -o kept.png {medium} --select c_pe>=2 --clip x<4")).fine();
+    assert!(said.contains("kept: 3 of 9 particles (c_pe>=2; x<4)"), "{said}");
+    assert!(png(&folder.path("kept.png")).0 == png(&folder.path("thin.png")).0, "the others add nothing");
 }
 
 #[test]

@@ -60,6 +60,11 @@ pub(super) fn is_named(name: &str) -> bool {
     names.into_iter().any(|known| known.eq_ignore_ascii_case(name))
 }
 
+/// Whether an attribute of this name holds the symbols of elements.
+pub(super) fn is_of_symbols(name: &str) -> bool {
+    SYMBOL_NAMES.iter().any(|known| known.eq_ignore_ascii_case(name))
+}
+
 /// What makes an element of a word.
 type Parse = dyn Fn(&str) -> Option<Element>;
 

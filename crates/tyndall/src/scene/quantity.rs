@@ -1,7 +1,9 @@
-//! A number of every particle, found by name: an attribute, a component or the magnitude of a vector, or a coordinate.
+//! A number of every particle, found by name: an attribute, a component or the magnitude of a vector, or a coordinate; or what an
+//! expression makes of these.
 //!
 //! A vector is an attribute with several components, or scalars whose names differ in the axis only (`vx`, `vy`, `vz`).
 
+use super::expression::{Bound, Tree};
 use super::names::nearest;
 use crate::error::{Error, Result};
 use crate::particles::{Attribute, Particles};
@@ -18,6 +20,9 @@ const SUFFIXES: [[&str; 3]; 7] = [
 ];
 /// What a velocity is called in the files of the known programs.
 const VELOCITIES: [&str; 5] = ["v", "vel", "velocity", "velocities", "u"];
+
+/// Signs that make a text an expression that was meant as one.
+const OPERATORS: [char; 11] = ['+', '*', '/', '^', '(', ')', '<', '>', '=', '!', '&'];
 
 /// Which number of a vector is meant.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -39,6 +44,10 @@ enum Source<'a> {
     Scalars(Vec<&'a Attribute>),
     /// A coordinate: its axis.
     Coordinate(usize),
+    /// The particle's place in its frame.
+    Index,
+    /// What is made of others.
+    Expression(Bound<'a>),
 }
 
 /// A number of every particle.
@@ -50,10 +59,32 @@ pub struct Quantity<'a> {
 }
 
 impl<'a> Quantity<'a> {
-    /// The quantity of that name. Without a component, a scalar is itself and a vector its magnitude.
+    /// The quantity of that name. Without a component, a scalar is itself and a vector its magnitude. What is no name is an expression:
+    /// `c_pe / mass` (see `docs/expressions.md`), in which a condition is 1 or 0.
     ///
     /// Fails with [`Error::Setting`], which names the nearest attribute and all others, if there is none.
     pub fn find(particles: &'a Particles, name: &str, component: Option<Component>) -> Result<Self> {
+        if let Some(found) = Self::of_name(particles, name, component) {
+            return Ok(found);
+        }
+        let label = written(name, component);
+        match Tree::parse(&label) {
+            Ok(Tree::Name(_)) => Err(unknown(particles, &label)),
+            Err(_) if !label.contains(OPERATORS) => Err(unknown(particles, &label)),
+            Ok(tree) => match Bound::new(&tree, particles) {
+                Ok(bound) => Ok(Self { particles, source: Source::Expression(bound), label }),
+                Err(why) => Err(Error::setting("--color", label, why)),
+            },
+            Err(why) => Err(Error::setting("--color", label, why)),
+        }
+    }
+
+    /// The same, of names alone.
+    pub(super) fn of_name(
+        particles: &'a Particles,
+        name: &str,
+        component: Option<Component>,
+    ) -> Option<Self> {
         let found = match component {
             None => plain(particles, name),
             Some(Component::Magnitude) => {
@@ -61,7 +92,7 @@ impl<'a> Quantity<'a> {
             }
             Some(Component::Index(place)) => component_of(particles, name, place),
         };
-        let source = found.ok_or_else(|| unknown(particles, &written(name, component)))?;
+        let source = found?;
         let label = match &source {
             Source::Component(attribute, place) if attribute.components > 1 => {
                 format!("{}.{}", attribute.name, "xyz".get(*place..place + 1).unwrap_or("?"))
@@ -70,8 +101,10 @@ impl<'a> Quantity<'a> {
             Source::Magnitude(attribute) => format!("|{}|", attribute.name),
             Source::Scalars(_) => format!("|{name}|"),
             Source::Coordinate(axis) => "xyz"[*axis..axis + 1].into(),
+            Source::Index => "index".into(),
+            Source::Expression(_) => name.into(),
         };
-        Ok(Self { particles, source, label })
+        Some(Self { particles, source, label })
     }
 
     /// The number of particle `id`; NaN where the file has none.
@@ -84,10 +117,12 @@ impl<'a> Quantity<'a> {
             }
             Source::Scalars(columns) => columns.iter().map(|it| it.number(id, 0).powi(2)).sum::<f64>().sqrt(),
             Source::Coordinate(axis) => self.particles.positions().world(id)[*axis],
+            Source::Index => self.particles.place(id) as f64,
+            Source::Expression(bound) => bound.value(id),
         }
     }
 
-    /// Its name for people: `c_pe`, `|v|`, `Vel.x`.
+    /// Its name for people: `c_pe`, `|v|`, `Vel.x`; of an expression its text.
     pub fn label(&self) -> &str {
         &self.label
     }
@@ -100,12 +135,12 @@ impl<'a> Quantity<'a> {
         }
     }
 
-    /// The attributes that decide about it: those that it is made of, and of a vector's component the others.
+    /// The attributes that decide about it: those that it is made of, and of a vector's component the others. An expression names its own.
     pub(super) fn attributes(&self) -> Vec<&'a Attribute> {
         let mut found = match &self.source {
             Source::Component(attribute, _) | Source::Magnitude(attribute) => vec![*attribute],
             Source::Scalars(columns) => columns.clone(),
-            Source::Coordinate(_) => Vec::new(),
+            Source::Coordinate(_) | Source::Index | Source::Expression(_) => Vec::new(),
         };
         let names: Vec<&str> = found.iter().map(|it| it.name.as_str()).collect();
         for (stem, _) in names.into_iter().flat_map(stems) {
@@ -132,7 +167,8 @@ fn plain<'a>(particles: &'a Particles, name: &str) -> Option<Source<'a>> {
     }
     let axis = ["x", "y", "z"].iter().position(|axis| axis.eq_ignore_ascii_case(name));
     let component = || stems(name).find_map(|(stem, place)| component_of(particles, stem, place));
-    axis.map(Source::Coordinate).or_else(|| vector(particles, name)).or_else(component)
+    let index = || name.eq_ignore_ascii_case("index").then_some(Source::Index);
+    axis.map(Source::Coordinate).or_else(|| vector(particles, name)).or_else(component).or_else(index)
 }
 
 /// The vector of that name; any name of a velocity means the one that the file has.
@@ -194,7 +230,7 @@ pub(super) fn named(text: &str) -> (&str, Option<Component>) {
 }
 
 /// The quantity as people write it.
-fn written(name: &str, component: Option<Component>) -> String {
+pub(super) fn written(name: &str, component: Option<Component>) -> String {
     match component {
         None => name.into(),
         Some(Component::Magnitude) => format!("|{name}|"),

@@ -9,31 +9,21 @@ use std::str::FromStr;
 use glam::DVec3;
 
 use super::Scene;
-use super::element::{Element, Elements};
-use super::kinds::types;
-use super::names::nearest;
-use super::quantity::{Quantity, named, unknown};
+use super::expression::{Tree, Wanted};
+use super::meaning::{LISTED, Meaning, list, no_word};
 use super::statistics::short;
 use crate::error::{Error, Result};
-use crate::particles::{Particles, View};
+use crate::particles::Particles;
 use crate::structure::selection::{Column, HalfSpace, Numbers, Rule};
-
-/// More values than this are not listed one by one.
-const LISTED: usize = 12;
 
 /// Particles are shown whose quantity has one of some values, or lies in one of some ranges.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Filter {
+    /// The setting that it was given by.
+    setting: &'static str,
     text: String,
     quantity: String,
     wanted: Vec<Wanted>,
-}
-
-/// A value as it is written, and as a closed interval if it is a number or a range of them.
-#[derive(Clone, Debug, PartialEq)]
-struct Wanted {
-    text: String,
-    interval: Option<[f64; 2]>,
 }
 
 impl FromStr for Filter {
@@ -57,7 +47,7 @@ impl FromStr for Filter {
             interval => Ok(Wanted { text: value.into(), interval }),
         };
         let wanted = values.split(',').map(str::trim).map(wanted).collect::<Result<_>>()?;
-        Ok(Self { text: text.trim().into(), quantity: quantity.into(), wanted })
+        Ok(Self { setting: "--filter", text: text.trim().into(), quantity: quantity.into(), wanted })
     }
 }
 
@@ -80,9 +70,25 @@ impl fmt::Display for Filter {
 }
 
 impl Filter {
+    /// Of a condition in the language of expressions: `element == O and z > 2`. Fails with [`Error::Setting`] if it is none.
+    pub fn condition(text: &str) -> Result<Self> {
+        let text = text.trim();
+        let wrong = |why: String| Error::setting("--select", text, why);
+        if !Tree::parse(text).map_err(wrong)?.is_condition() {
+            return Err(wrong("it is true or false for no particle: compare numbers, as in c_pe > 0".into()));
+        }
+        let wanted = vec![Wanted { text: "true".into(), interval: Some([1.0; 2]) }];
+        Ok(Self { setting: "--select", text: text.into(), quantity: text.into(), wanted })
+    }
+
     /// The quantity, as it is written.
     pub fn quantity(&self) -> &str {
         &self.quantity
+    }
+
+    /// The filter in a sentence.
+    pub(super) fn named(&self) -> String {
+        format!("the {} '{self}'", if self.setting == "--select" { "selection" } else { "filter" })
     }
 
     /// The wanted intervals, where words stand for their places in `words`.
@@ -94,26 +100,18 @@ impl Filter {
             let word = words.iter().find(same).or_else(|| words.iter().find(similar)).and_then(place);
             let number = wanted.interval.filter(|_| words.is_empty());
             number.or(word.map(|place| [place as f64; 2])).ok_or_else(|| {
-                let Self { text, quantity, .. } = self;
+                let Self { setting, text, quantity, .. } = self;
                 let what = match words {
                     [] => format!("'{}' is no number, and {quantity} has numbers", wanted.text),
                     _ => {
-                        let meant = nearest(&wanted.text, words.iter().map(String::as_str));
-                        let meant = meant.map_or(String::new(), |it| format!(" did you mean '{it}'?"));
-                        format!("no '{}' in {quantity};{meant} it has: {}", wanted.text, list(words))
+                        no_word(&wanted.text, quantity, &words.iter().map(String::as_str).collect::<Vec<_>>())
                     }
                 };
-                Error::setting("--filter", text, what)
+                Error::setting(*setting, text, what)
             })
         };
         self.wanted.iter().map(interval).collect()
     }
-}
-
-/// The first of some words.
-fn list(words: &[String]) -> String {
-    let more = if words.len() > LISTED { ", ..." } else { "" };
-    format!("{}{more}", words[..words.len().min(LISTED)].join(", "))
 }
 
 /// A quantity that filters can ask for after the particles were arranged.
@@ -122,73 +120,78 @@ pub struct Selectable<N = Numbers> {
     numbers: N,
     /// What the numbers stand for, where they are places of words.
     words: Vec<String>,
+    /// Of a condition that nothing fulfills, what there is of the quantities in it.
+    present: Option<String>,
 }
 
 impl Selectable {
     /// What `filter` asks for. Fails as [`Quantity::find`] does, and if a word is none of the quantity's.
     pub fn of(particles: &Particles, filter: &Filter) -> Result<Self> {
-        let found = Self::find(particles, &filter.quantity).map_err(|error| match error {
-            Error::Setting { allowed, .. } => Error::setting("--filter", filter, allowed),
+        let mut found = Self::find(particles, &filter.quantity).map_err(|error| match error {
+            Error::Setting { allowed, .. } => Error::setting(filter.setting, filter, allowed),
             other => other,
         })?;
         filter.intervals(&found.words)?;
+        if filter.setting == "--select" && !found.numbers.map(|number| number == 1.0).contains(&true) {
+            found.present = Some(present(particles, &filter.quantity));
+        }
         Ok(found)
     }
 
     /// The quantity called `name`.
     pub fn find(particles: &Particles, name: &str) -> Result<Self> {
         let count = particles.len();
-        let (plain, component) = named(name);
-        let attribute = particles.attribute(plain).filter(|_| component.is_none());
-        let attribute = match plain.to_ascii_lowercase().as_str() {
-            "element" if attribute.is_none() => {
-                let elements = Elements::find(particles).ok_or_else(|| unknown(particles, name))?;
-                return Ok(Self::of_elements(particles, &elements, name));
+        let (numbers, words) = match Meaning::of(particles, name)? {
+            Meaning::Number(quantity) => (Numbers::collect(count, |id| quantity.value(id)), Vec::new()),
+            Meaning::Word(words) => {
+                let list = words.list().into_iter().map(String::from).collect();
+                (Numbers::collect(count, words.places()), list)
             }
-            "type" if component.is_none() => attribute.or_else(|| types(particles).next()),
-            _ => attribute,
         };
-        if let Some(it) = attribute.filter(|it| it.components == 1) {
-            let words = match it.values.view() {
-                View::Text { names, .. } => names.to_vec(),
-                _ => Vec::new(),
-            };
-            let numbers = Numbers::collect(count, |id| it.number(id, 0));
-            return Ok(Self { name: name.into(), numbers, words });
-        }
-        let quantity = Quantity::find(particles, plain, component)?;
-        let numbers = Numbers::collect(count, |id| quantity.value(id));
-        Ok(Self { name: name.into(), numbers, words: Vec::new() })
+        Ok(Self { name: name.into(), numbers, words, present: None })
     }
+}
 
-    /// Elements by their symbols; unknown ones are missing.
-    fn of_elements(particles: &Particles, elements: &Elements, name: &str) -> Self {
-        let attribute = &particles.attributes()[elements.attribute];
-        let mut words: Vec<String> =
-            elements.by_value.iter().flatten().map(|it| Element::symbol(*it).into()).collect();
-        words.sort_unstable();
-        words.dedup();
-        let place = |element: &Option<Element>| {
-            let symbol = element.map(Element::symbol);
-            symbol.map_or(f64::NAN, |symbol| words.partition_point(|word| word.as_str() < symbol) as f64)
-        };
-        let places: Vec<f64> = elements.by_value.iter().map(place).collect();
-        let number = |id| places.get(attribute.number(id, 0) as usize).copied().unwrap_or(f64::NAN);
-        let numbers = Numbers::collect(particles.len(), number);
-        Self { name: name.into(), numbers, words }
+impl Selectable {
+    /// Which particles, by id, a filter of this quantity keeps.
+    pub(super) fn flags(&self, filter: &Filter) -> Result<Vec<bool>> {
+        let intervals = filter.intervals(&self.words)?;
+        Ok(self.numbers.map(|number| intervals.iter().any(|[low, high]| (*low..=*high).contains(&number))))
     }
+}
+
+/// What there is of the quantities in a text.
+pub(super) fn present(particles: &Particles, text: &str) -> String {
+    let tree = Tree::parse(text);
+    let mut names = tree.as_ref().map_or(Vec::new(), Tree::names);
+    names.dedup();
+    let ids: Vec<u32> = (0..particles.len() as u32).collect();
+    let found = names.into_iter().filter_map(|(name, _)| {
+        let Selectable { name, numbers, words, present } = Selectable::find(particles, name).ok()?;
+        Some(Selectable { name, numbers: Column::new(&numbers, &ids), words, present }.present())
+    });
+    found.collect::<Vec<_>>().join("; ")
 }
 
 impl Selectable<Column> {
     /// What there is, for people.
     fn present(&self) -> String {
+        if let Some(present) = &self.present {
+            return present.clone();
+        }
         match (self.numbers.values(), self.numbers.span()) {
             (Some(values), Some(_)) if values.len() <= LISTED => {
                 let word = |value: &f64| self.words.get(*value as usize).cloned();
                 let words = values.iter().map(|value| word(value).unwrap_or_else(|| short(*value)));
                 format!("{} has {}", self.name, words.collect::<Vec<_>>().join(", "))
             }
-            (_, Some(_)) if !self.words.is_empty() => format!("{} has {}", self.name, list(&self.words)),
+            (_, Some(_)) if !self.words.is_empty() => {
+                format!(
+                    "{} has {}",
+                    self.name,
+                    list(&self.words.iter().map(String::as_str).collect::<Vec<_>>())
+                )
+            }
             (_, Some([low, high])) => format!("{} spans {}:{}", self.name, short(low), short(high)),
             (_, None) => format!("{} is missing everywhere", self.name),
         }
@@ -303,7 +306,7 @@ impl Scene {
     pub fn keep(&mut self, quantities: Vec<Selectable>) {
         let arranged = quantities.into_iter().map(|it| {
             let numbers = Column::new(&it.numbers, self.structure.ids());
-            Selectable { name: it.name, numbers, words: it.words }
+            Selectable { name: it.name, numbers, words: it.words, present: it.present }
         });
         self.selectables = arranged.collect();
     }
@@ -331,7 +334,8 @@ impl Scene {
             if self.select(std::slice::from_ref(filter), &[]).is_ok_and(|count| count == 0) {
                 let kept = self.selectables.iter().find(|it| it.name == filter.quantity);
                 why = format!(
-                    "the filter '{filter}' keeps none ({})",
+                    "{} keeps none ({})",
+                    filter.named(),
                     kept.map_or(String::new(), Selectable::present)
                 );
                 break;
@@ -351,7 +355,8 @@ impl Scene {
 /// The column that a filter asks for, and which of its numbers are wanted.
 fn rule<'a>(kept: &'a [Selectable<Column>], filter: &Filter) -> Result<(&'a Column, Vec<[f64; 2]>)> {
     let found = kept.iter().find(|it| it.name == filter.quantity);
-    let found = found.ok_or_else(|| Error::setting("--filter", filter, "a quantity that the scene keeps"))?;
+    let found =
+        found.ok_or_else(|| Error::setting(filter.setting, filter, "a quantity that the scene keeps"))?;
     Ok((&found.numbers, filter.intervals(&found.words)?))
 }
 
@@ -386,7 +391,11 @@ mod tests {
 
     /// The places of what is left.
     fn left(filters: &[&str], clips: &[&str]) -> Result<Vec<u32>> {
-        let filters: Vec<Filter> = filters.iter().map(|text| text.parse()).collect::<Result<_>>()?;
+        let filter = |text: &&str| match text.strip_prefix("select ") {
+            Some(condition) => Filter::condition(condition),
+            None => text.parse(),
+        };
+        let filters: Vec<Filter> = filters.iter().map(filter).collect::<Result<_>>()?;
         let particles = particles();
         let kept = filters.iter().map(|it| Selectable::of(&particles, it)).collect::<Result<_>>()?;
         let mut half_spaces = Vec::new();
@@ -425,6 +434,9 @@ mod tests {
             (&["element=cu"], &[], vec![0, 2, 4, 6]),
             (&["v.x=3:6"], &[], vec![1, 2]),
             (&["|v|=0:3"], &[], vec![0]),
+            (&["v.x + 10 * x=0:20"], &[], vec![0, 1]),
+            (&["select c_pe < -3.5 and species == O"], &[], vec![1, 3]),
+            (&["select type 1 or x > 8", "x=0:5"], &[], vec![0, 3]),
             (&[], &["x<3"], vec![0, 1, 2, 3]),
             (&[], &["x>0.8L"], vec![6, 7, 8, 9]),
             (&[], &["plane 4,0,0 2,0,0"], vec![0, 1, 2, 3, 4]),
@@ -438,6 +450,15 @@ mod tests {
 
     #[test]
     fn what_cannot_be_understood_is_explained() {
+        for (select, expected) in [
+            ("c_pe", "it is true or false for no particle: compare numbers, as in c_pe > 0"),
+            ("c_p < 3", "no attribute 'c_p'; did you mean 'c_pe'?"),
+        ] {
+            let filter = Filter::condition(select);
+            let message = filter.and_then(|it| Selectable::of(&particles(), &it)).err().unwrap().to_string();
+            assert!(message.starts_with(&format!("--select cannot be '{select}'")), "{message}");
+            assert!(message.contains(expected), "{message}");
+        }
         for (filter, expected) in [
             (
                 "c_p=1:2",

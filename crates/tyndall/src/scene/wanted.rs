@@ -6,8 +6,9 @@
 
 use super::color::is_geometry;
 use super::coloring::Coloring;
+use super::expression::Tree;
 use super::kinds::TYPE_NAMES;
-use super::quantity::{Quantity, named};
+use super::quantity::{Quantity, named, written};
 use super::select::Filter;
 use super::{element, rgb};
 use crate::particles::{Attribute, Columns, Particles, Values, is_radius};
@@ -55,7 +56,7 @@ impl Wanted {
             Coloring::Element => flag(&mut flags, offered, element::is_named),
             Coloring::Type => flag(&mut flags, offered, is_type),
             Coloring::Attribute { name, component } => {
-                found &= add(&mut flags, &empty, Quantity::find(&empty, name, *component).ok().as_ref());
+                found &= flag_text(&mut flags, offered, &empty, &written(name, *component));
             }
             Coloring::Auto => {
                 flag(&mut flags, offered, |name| {
@@ -69,12 +70,7 @@ impl Wanted {
             }
         }
         for filter in &self.filters {
-            let (name, component) = named(filter.quantity());
-            match name.to_ascii_lowercase().as_str() {
-                "element" => flag(&mut flags, offered, element::is_named),
-                "type" => flag(&mut flags, offered, is_type),
-                _ => found &= add(&mut flags, &empty, Quantity::find(&empty, name, component).ok().as_ref()),
-            }
+            found &= flag_text(&mut flags, offered, &empty, filter.quantity());
         }
         if found { flags } else { vec![true; offered.len()] }
     }
@@ -85,15 +81,36 @@ fn flag(flags: &mut [bool], offered: &[Offered], is_named: impl Fn(&str) -> bool
     flags.iter_mut().zip(offered).for_each(|(flag, it)| *flag |= is_named(it.name));
 }
 
-/// Flags what a quantity is made of; says whether there is one.
-fn add(flags: &mut [bool], particles: &Particles, quantity: Option<&Quantity>) -> bool {
-    let Some(quantity) = quantity else { return false };
-    let used = quantity.attributes();
-    for (flag, attribute) in flags.iter_mut().zip(particles.attributes()) {
-        // Names may come twice: the first one is found.
-        *flag |= used.iter().any(|it| std::ptr::eq(*it, attribute));
+/// Flags what a text is made of: a quantity, or the names in an expression. Says whether all is offered; a name that may be a word need not be.
+fn flag_text(flags: &mut [bool], offered: &[Offered], empty: &Particles, text: &str) -> bool {
+    let (name, component) = named(text);
+    match name.to_ascii_lowercase().as_str() {
+        "element" => {
+            flag(flags, offered, element::is_named);
+            return true;
+        }
+        "type" => {
+            flag(flags, offered, is_type);
+            return true;
+        }
+        _ => {}
     }
-    true
+    if let Some(quantity) = Quantity::of_name(empty, name, component) {
+        let used = quantity.attributes();
+        for (flag, attribute) in flags.iter_mut().zip(empty.attributes()) {
+            // Names may come twice: the first one is found.
+            *flag |= used.iter().any(|it| std::ptr::eq(*it, attribute));
+        }
+        return true;
+    }
+    match Tree::parse(text) {
+        Ok(Tree::Name(_)) | Err(_) => false,
+        Ok(tree) => {
+            let mut flag_name = |(name, may_be_word)| flag_text(flags, offered, empty, name) || may_be_word;
+            // All are flagged, also after one that is not offered.
+            tree.names().into_iter().filter(|it| !flag_name(*it)).count() == 0
+        }
+    }
 }
 
 fn is_type(name: &str) -> bool {
@@ -125,6 +142,9 @@ mod tests {
         assert_eq!(kept("#fff", &[], names), "type element radius");
         assert_eq!(kept("c_pe", &["q=0:"], names), "type element radius q c_pe");
         assert_eq!(kept("type", &["mol=1"], names), "mol type element radius");
+        assert_eq!(kept("c_pe / q", &["index=0:"], names), "type element radius q c_pe");
+        assert_eq!(kept("element == O and mol != 3", &[], names), "mol type element radius");
+        assert_eq!(kept("c_pe + w", &[], names), names);
     }
 
     #[test]

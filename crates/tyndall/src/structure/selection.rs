@@ -51,6 +51,11 @@ impl Numbers {
         }
     }
 
+    /// What `of` makes of each.
+    pub fn map<T: Send>(&self, of: impl Fn(f64) -> T + Sync + Send) -> Vec<T> {
+        (0..self.len()).into_par_iter().with_min_len(1 << 14).map(|place| of(self.number(place))).collect()
+    }
+
     fn len(&self) -> usize {
         match &self.0 {
             Store::Single(column) => column.len(),

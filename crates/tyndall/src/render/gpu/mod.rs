@@ -377,14 +377,9 @@ impl<'a> Renderer<'a> {
         let view = camera.view(scene.structure().origin(), width, height)?;
         let mut picture = Picture::new(resident, [width, height], Pace::Steady)?;
         if let Culling::Confidence(options) = settings.culling {
-            let shape = resident.shape();
-            if !shape.walked.has_tiles() {
+            if !resident.shape().walked.has_tiles() {
                 let allowed = "bvh with --culling confidence on the GPU; the others are for --device cpu";
                 return Err(Error::setting("--structure", "another", allowed));
-            }
-            if shape.hides {
-                let allowed = "off or certified where particles are hidden on the GPU; or --device cpu";
-                return Err(Error::setting("--culling", "confidence", allowed));
             }
             let grid = resident.grid(scene.structure(), options.voxel_count, &())?;
             picture.culling = Some(Confidence::new(resident, grid, [width, height], options)?);
@@ -445,10 +440,10 @@ impl<'a> Renderer<'a> {
         self.picture.pass(&self.seen, &added, walk, progress)
     }
 
-    /// With what the tiles of a pass begin. What is hidden is not looked for in the visible set.
+    /// With what the tiles of a pass begin.
     fn walk(&mut self, added: &Samples) -> Result<Walk> {
-        let shape = self.seen.resident.shape();
-        if !self.settings.culling.certified().visible_set || !shape.walked.has_tiles() || shape.hides {
+        let has_tiles = self.seen.resident.shape().walked.has_tiles();
+        if !self.settings.culling.certified().visible_set || !has_tiles {
             return Ok(Walk::First);
         }
         let next = self.samples_after(added.first + added.count);

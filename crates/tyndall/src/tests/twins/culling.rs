@@ -1,6 +1,6 @@
 //! Culling on the card beside the CPU's, and beside no culling on the card.
 
-use super::{device, differing_pixels, on_card, random_scene, scale};
+use super::{device, differing_pixels, on_card, random_scene, scale, selection};
 use crate::error::Error;
 use crate::film::Image;
 use crate::particles::Radii;
@@ -131,38 +131,83 @@ fn kernels_with_few_buffers_are_told() {
 #[test]
 fn the_card_culls_what_the_cpu_culls() {
     let Some(gpu) = roomy_device() else { return };
-    let (mut pixels, mut met, mut cut, mut differing, mut ends) = (0, 0, 0, 0, 0);
+    let mut compared = Compared::default();
     // Of the larger scenes, the first eight, those in which a ray does not meet all particles.
     for seed in [0, 2, 3, 4].into_iter().chain(8..32) {
         let packing =
             [Packing::Exact, Packing::Bits16, Packing::Bits11, Packing::Bits8][seed as usize / 8 % 4];
         let (scene, camera) = random_scene(seed, packing, Lighting::Headlight);
+        compared.add(&gpu, &scene, &camera, seed);
+    }
+    compared.are_alike(5_000, 2_000);
+}
+
+#[test]
+fn what_is_hidden_takes_no_part_in_culling() {
+    let Some(gpu) = roomy_device() else { return };
+    let (mut compared, mut changed) = (Compared::default(), 0);
+    for seed in 0..12 {
+        let packing = [Packing::Exact, Packing::Bits16, Packing::Bits8][seed as usize / 4];
+        let (mut scene, rules, camera) = selection::random_scene(seed, Kind::Bvh(packing));
+        scene.lighting = Lighting::Headlight;
+        let all = compared.add(&gpu, &scene, &camera, seed);
+        rules.apply(scene.structure_mut());
+        let shown = compared.add(&gpu, &scene, &camera, seed);
+        if let (Some(all), Some(shown)) = (all, shown) {
+            changed += differing_pixels(&all, &shown, scale(&camera));
+        }
+    }
+    compared.are_alike(2_500, 500);
+    assert!(changed > 1_500, "{changed} pixels changed: the scenes test nothing");
+}
+
+/// Pixels of both machines' pictures.
+#[derive(Default)]
+struct Compared {
+    pixels: usize,
+    /// That met a particle, and whose rays are cut.
+    met: usize,
+    cut: usize,
+    /// That are another color, id or distance, and whose rays end elsewhere.
+    differing: usize,
+    ends: usize,
+}
+
+impl Compared {
+    /// Adds a picture by both; gives the card's. Both refuse a grid of too many voxels: then there is none.
+    fn add(&mut self, gpu: &Gpu, scene: &Scene, camera: &Camera, seed: u64) -> Option<Image> {
         let settings = settings(options(seed as usize / 3), 48);
-        let Ok(_) = render::Renderer::new(&scene, &camera, &settings) else {
+        if render::Renderer::new(scene, camera, &settings).is_err() {
             // A plane of no thickness would have more slices than there can be, on either machine.
-            let resident = Resident::load(&gpu, &scene, &()).unwrap();
-            assert!(Renderer::new(&resident, &scene, &camera, &settings).is_err(), "seed {seed}");
-            continue;
-        };
-        let (expected, known) = culled_on_cpu(&scene, &camera, &settings);
-        let (found, learned) = culled_on_card(&gpu, &scene, &camera, &settings);
-        let differs = differing_pixels(&expected, &found, scale(&camera));
-        let elsewhere = other_ends(&known, &learned, scale(&camera));
+            let resident = Resident::load(gpu, scene, &()).unwrap();
+            assert!(Renderer::new(&resident, scene, camera, &settings).is_err(), "seed {seed}");
+            return None;
+        }
+        let (expected, known) = culled_on_cpu(scene, camera, &settings);
+        let (found, learned) = culled_on_card(gpu, scene, camera, &settings);
+        let differs = differing_pixels(&expected, &found, scale(camera));
+        let elsewhere = other_ends(&known, &learned, scale(camera));
         assert_eq!(learned.voxels, known.voxels);
         let cuts = known.depths.iter().filter(|depth| depth.is_finite()).count();
         println!(
             "seed {seed}: {differs} differ, {elsewhere} end elsewhere, {cuts} are cut, {} and {} are final",
             known.converged, learned.converged
         );
-        met += expected.id.iter().filter(|&&id| id >= 0).count();
-        (pixels, cut) = (pixels + expected.id.len(), cut + cuts);
-        (differing, ends) = (differing + differs, ends + elsewhere);
+        self.met += expected.id.iter().filter(|&&id| id >= 0).count();
+        (self.pixels, self.cut) = (self.pixels + expected.id.len(), self.cut + cuts);
+        (self.differing, self.ends) = (self.differing + differs, self.ends + elsewhere);
+        Some(found)
     }
-    println!(
-        "{differing} of {pixels} pixels differ, {ends} end elsewhere; {cut} are cut, {met} met a particle"
-    );
-    assert!(met > 5_000 && cut > 2_000, "{met} met, {cut} are cut");
-    assert!(differing * 100 < pixels && ends * 100 < pixels, "{differing} and {ends} of {pixels}");
+
+    /// Demands that at most one pixel in a hundred differs, of pictures that show and cut something.
+    fn are_alike(&self, least_met: usize, least_cut: usize) {
+        let Self { pixels, met, cut, differing, ends } = *self;
+        println!(
+            "{differing} of {pixels} pixels differ, {ends} end elsewhere; {cut} are cut, {met} met a particle"
+        );
+        assert!(met > least_met && cut > least_cut, "{met} met, {cut} are cut");
+        assert!(differing * 100 < pixels && ends * 100 < pixels, "{differing} and {ends} of {pixels}");
+    }
 }
 
 #[test]
@@ -234,27 +279,38 @@ fn certified_on_card(
     (renderer.image().unwrap(), renderer.counts().unwrap().remembered_leaves)
 }
 
+/// How many leaves later passes knew of; fails if certified culling changes the picture.
+fn leaves_known(gpu: &Gpu, scene: &Scene, camera: &Camera, seed: u64) -> u64 {
+    let samples = [33, 48, 64][seed as usize % 3];
+    let culling = Culling::default();
+    let settings = Settings { width: 37, height: 29, samples, seed: seed as u32, culling };
+    let tilings = tilings(seed as usize);
+    let off = Settings { culling: Culling::Off, ..settings };
+    let expected = on_card(gpu, scene, camera, &off, tilings);
+    let (found, leaves) = certified_on_card(gpu, (scene, camera), &settings, tilings);
+    assert!(is_the_same(&expected, &found), "seed {seed}, {samples} samples, {tilings:?}");
+    leaves
+}
+
 #[test]
 fn certified_culling_changes_no_bit_on_the_card() {
     let Some(gpu) = roomy_device() else { return };
-    let mut remembered = 0;
+    let (mut known, mut known_of_shown) = (0, 0);
     for seed in 0..16_u64 {
         let studio = Lighting::studio(glam::Vec3::X, glam::Vec3::NEG_Y, glam::Vec3::Z);
         let lighting = if seed == 4 { studio } else { Lighting::Headlight };
         let packing = [Packing::Exact, Packing::Bits16][seed as usize % 2];
         let (scene, camera) = random_scene(seed, packing, lighting);
-        let samples = [33, 48, 64][seed as usize % 3];
-        let culling = Culling::default();
-        let settings = Settings { width: 37, height: 29, samples, seed: seed as u32, culling };
-        let tilings = tilings(seed as usize);
-        let off = Settings { culling: Culling::Off, ..settings };
-        let expected = on_card(&gpu, &scene, &camera, &off, tilings);
-        let (found, leaves) = certified_on_card(&gpu, (&scene, &camera), &settings, tilings);
-        assert!(is_the_same(&expected, &found), "seed {seed}, {samples} samples, {tilings:?}");
-        remembered += leaves;
+        known += leaves_known(&gpu, &scene, &camera, seed);
+        if seed % 2 == 1 {
+            continue;
+        }
+        let (mut scene, rules, camera) = selection::random_scene(seed, Kind::Bvh(packing));
+        rules.apply(scene.structure_mut());
+        known_of_shown += leaves_known(&gpu, &scene, &camera, seed);
     }
-    println!("{remembered} leaves were known");
-    assert!(remembered > 2_000, "{remembered}");
+    println!("{known} leaves were known, {known_of_shown} where particles are hidden");
+    assert!(known > 2_000 && known_of_shown > 300, "{known}, {known_of_shown}");
 }
 
 /// A cloud through which one sees far, in a picture of so many pixels.

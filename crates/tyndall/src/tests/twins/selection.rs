@@ -31,7 +31,7 @@ const KINDS: [(Kind, HeapWalk); 8] = [
 ];
 
 /// A scene of that kind with particles by the seed's law, all shown and as they were built; what will be shown of it, and a camera.
-fn random_scene(seed: u64, kind: Kind) -> (Scene, Rules, Camera) {
+pub(super) fn random_scene(seed: u64, kind: Kind) -> (Scene, Rules, Camera) {
     const COUNTS: [usize; 5] = [2000, 300, 129, 17, 1];
     let mut random = Random::new(20_000 + seed);
     let law = LAWS[seed as usize % LAWS.len()];
