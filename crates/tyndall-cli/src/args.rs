@@ -6,6 +6,7 @@ use std::path::PathBuf;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use glam::DVec3;
 use tyndall::scene::bonding::Bonding;
+use tyndall::scene::camera_path::Key;
 use tyndall::scene::coloring::{Coloring, Norm, Range};
 use tyndall::scene::colormap::Colormap;
 use tyndall::scene::select::{Clip, Filter};
@@ -235,10 +236,10 @@ pub(crate) struct Frames {
     #[arg(long, value_name = "NAME", default_value = "auto")]
     pub(crate) encoder: EncoderName,
     /// Turns the camera by so many degrees over the pictures
-    #[arg(long, value_name = "DEGREES", allow_hyphen_values = true)]
+    #[arg(long, value_name = "DEGREES", allow_hyphen_values = true, conflicts_with = "keys")]
     pub(crate) orbit: Option<Degrees>,
-    /// How many pictures an orbit around a single frame has
-    #[arg(long, value_name = "N", requires = "orbit", value_parser = clap::value_parser!(u32).range(1..))]
+    /// How many pictures an orbit around a single frame has, or a camera's way through it
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     pub(crate) frame_count: Option<u32>,
     /// Leaves pictures that are there already
     #[arg(long)]
@@ -264,6 +265,10 @@ pub(crate) struct CameraArgs {
     /// Which direction is up in the picture [default: 0,0,1]
     #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, value_parser = point)]
     pub(crate) up: Option<DVec3>,
+    /// A camera: 'at=48 eye=1,2,3 look-at=0,0,0 up=0,0,1 fov=30' or 'ortho=10' for fov, 'move=straight' for a straight way to the next; what is left out
+    /// is as without. May be repeated: with at=PICTURE the camera moves from one to the next, without each is a picture of its own
+    #[arg(long = "camera", value_name = "KEY", allow_hyphen_values = true)]
+    pub(crate) keys: Vec<Key>,
     /// Vertical angle of view, in degrees [default: 35]
     #[arg(long, value_name = "DEGREES", conflicts_with = "ortho", allow_hyphen_values = true)]
     pub(crate) fov: Option<Degrees>,

@@ -3,6 +3,10 @@
 use std::path::PathBuf;
 
 use tyndall::Error;
+use tyndall::scene::camera::Camera;
+use tyndall::scene::camera_path::CameraPath;
+use tyndall::scene::outline::Outline;
+use tyndall::scene::viewpoint::Viewpoint;
 use tyndall_io::write::movie;
 
 use crate::args;
@@ -14,8 +18,30 @@ use crate::values::{Degrees, Slice, frame as frame_number};
 pub(crate) struct Picture {
     pub(crate) frame: usize,
     pub(crate) path: PathBuf,
-    /// By how much the camera is turned, in radians.
-    pub(crate) turn: f64,
+    shot: Shot,
+}
+
+/// Where the camera is.
+enum Shot {
+    /// Turned by so many radians.
+    Turned(f64),
+    /// At this place of its path.
+    At(f64),
+}
+
+impl Picture {
+    /// Its camera, where `camera` and `outline` are those of the first frame.
+    pub(crate) fn camera(
+        &self,
+        args: &args::Render,
+        viewpoint: &Viewpoint,
+        (camera, outline): (&Camera, &Outline),
+    ) -> Outcome<Camera> {
+        Ok(match self.shot {
+            Shot::Turned(angle) => viewpoint.turned(camera, outline, angle),
+            Shot::At(place) => CameraPath::new(args.camera.keys.clone())?.camera(place, camera),
+        })
+    }
 }
 
 /// Which of `count` frames go to which files, in order. A picture's number is that of its frame, or its place in an orbit.
@@ -34,15 +60,32 @@ pub(crate) fn pictures(
         ));
     }
 
-    // An orbit around one frame has as many pictures as are asked for.
-    let around_one = chosen.len() == 1 && frame_count.is_some();
+    let keys = CameraPath::new(args.camera.keys.clone())?;
+    let has_keys = keys.len() > 0;
+    // Around one frame there are as many pictures as are asked for, or as its cameras make.
+    let of_cameras = match keys.moves() {
+        true => (has_keys && frame_count.is_none()).then(|| keys.end().max(0.0).floor() as usize + 1),
+        false => Some(keys.len()).filter(|&count| count > 1),
+    };
+    let around_one = (chosen.len() == 1).then(|| of_cameras.or(frame_count.map(|it| it as usize))).flatten();
+    if frame_count.is_some() && orbit.is_none() && !(has_keys && keys.moves()) {
+        let text =
+            "--frame-count is for a camera that moves — give --orbit DEGREES, or --camera with at=PICTURE";
+        return Err(Failure::Usage(text.into()));
+    }
     if frame_count.is_some() && chosen.len() > 1 {
         return Err(Failure::Usage(format!(
-            "--frame-count is for an orbit around one frame, here are {} — leave it out, or give --frame N",
+            "--frame-count is for pictures of one frame, here are {} — leave it out, or give --frame N",
             chosen.len()
         )));
     }
-    let pictures = if around_one { frame_count.unwrap_or(1) as usize } else { chosen.len() };
+    if chosen.len() > 1 && !keys.moves() && keys.len() > 1 {
+        return Err(Failure::Usage(format!(
+            "several --camera are pictures of one frame, here are {} — give --frame N, or at=PICTURE for a camera that moves",
+            chosen.len()
+        )));
+    }
+    let pictures = around_one.unwrap_or(chosen.len());
     if orbit.is_some() && pictures == 1 {
         return Err(Failure::Usage(
             "--orbit needs several pictures — give --frame-count N and -o NAME.%04d.png or NAME.mp4".into(),
@@ -57,9 +100,13 @@ pub(crate) fn pictures(
     }
     let angle = orbit.map_or(0.0, |Degrees(degrees)| degrees.to_radians());
     let picture = |place: usize| {
-        let frame = if around_one { chosen[0] } else { chosen[place] };
-        let path = pattern.name(if around_one { place } else { frame });
-        Picture { frame, path, turn: angle * place as f64 / pictures as f64 }
+        let is_one = around_one.is_some();
+        let frame = if is_one { chosen[0] } else { chosen[place] };
+        let turned = Shot::Turned(angle * place as f64 / pictures as f64);
+        // One camera is that of all frames.
+        let key = if keys.moves() || is_one { place } else { 0 };
+        let shot = if has_keys { Shot::At(key as f64) } else { turned };
+        Picture { frame, path: pattern.name(if is_one { place } else { frame }), shot }
     };
     Ok((0..pictures).map(picture).collect())
 }

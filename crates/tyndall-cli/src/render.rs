@@ -392,7 +392,7 @@ impl<'a> Job<'a> {
         self.report.detail(format_args!("upload: {}", seconds(loading.elapsed().as_secs_f64())));
         for (place, picture) in pictures.iter().enumerate() {
             let rendering = Instant::now();
-            let camera = self.viewpoint.turned(&camera, &outline, picture.turn);
+            let camera = picture.camera(self.args, &self.viewpoint, (&camera, &outline))?;
             self.set_light(&mut scene, dropped, &camera)?;
             let image = loaded.image(&scene, &camera, &self.settings, self.report)?;
             if image.shows_nothing() {

@@ -196,7 +196,8 @@ impl Job<'_> {
         let renderer = Renderer::new(self, medium, scene)?;
         for (place, picture) in pictures.iter().enumerate() {
             let marching = Instant::now();
-            let camera = render::viewpoint(self.args)?.turned(&scene.camera, &scene.outline, picture.turn);
+            let viewpoint = render::viewpoint(self.args)?;
+            let camera = picture.camera(self.args, &viewpoint, (&scene.camera, &scene.outline))?;
             let options = write::ImageOptions {
                 bits: if self.args.picture.bits == "16" { 16 } else { 8 },
                 dpi: self.args.picture.dpi,

@@ -3,7 +3,7 @@
 //! Every table but `grid`, `particles` and `light` holds flags by their long names without dashes, such as `eye = [1, 2, 3]` for
 //! `--eye 1,2,3` (the tables' own names are for people). Each `[[light]]` has a kind, `sun`, `point`, `spot`, `sky` or `image`, and what the flag
 //! `--light` says. `[grid]` names a file of samples, raw or one that says where they lie (OpenDX, VTK), `[particles]` files of particles. What the command line says beside the
-//! scene's name counts before the scene. Paths are relative to the scene file.
+//! scene's name counts before the scene. Each `[[camera]]` is a key of a camera that moves, and says what the flag `--camera` says; of a camera that stands, `[camera]` has the flags. Paths are relative to the scene file.
 
 use std::ffi::OsString;
 use std::fs;
@@ -67,6 +67,12 @@ impl SceneFile {
         let mut flags: Vec<OsString> = Vec::new();
         for light in tables.remove("light").as_ref().and_then(Value::as_array).into_iter().flatten() {
             flags.extend(["--light".into(), light_words(light, folder).map_err(bad)?.into()]);
+        }
+        if let Some(keys) = tables.get("camera").and_then(Value::as_array) {
+            for key in keys {
+                flags.extend(["--camera".into(), camera_words(key).map_err(bad)?.into()]);
+            }
+            tables.remove("camera");
         }
         for (name, table) in &tables {
             let table = table.as_table().ok_or_else(|| bad(format!("'{name}' is no table")))?;
@@ -162,6 +168,13 @@ fn light_words(light: &Value, folder: &Path) -> Result<String, String> {
     unknown.map_or(Ok(words), |key| Err(format!("a light of kind {kind} has no '{key}'")))
 }
 
+/// What `--camera` says, from a table.
+fn camera_words(key: &Value) -> Result<String, String> {
+    let key = key.as_table().ok_or("a [[camera]] is a table: at, eye, look-at, up, fov or ortho, move")?;
+    let words = key.iter().map(|(name, value)| Ok(format!("{}={}", name.replace('_', "-"), word(value)?)));
+    Ok(words.collect::<Result<Vec<_>, String>>()?.join(" "))
+}
+
 /// A flag with its value; a switch has none.
 fn flag(key: &str, value: &Value) -> Result<Vec<String>, String> {
     let name = format!("--{}", key.replace('_', "-"));
@@ -194,6 +207,14 @@ mod tests {
         // Tables are sorted by key.
         assert_eq!(words, ["--alpha", "--eye=1,2.5,-3", "--look-at=x"]);
         assert!(flag("eye", &Value::Table(Table::new())).is_err());
+    }
+
+    #[test]
+    fn cameras_are_written_like_the_flag() {
+        let camera = |text: &str| camera_words(&Value::Table(text.parse().unwrap()));
+        let words = camera("at = 12\neye = [1, 2.5, 3]\nlook_at = [0, 0, 0]\nmove = 'straight'").unwrap();
+        assert_eq!(words, "at=12 eye=1,2.5,3 look-at=0,0,0 move=straight");
+        assert!(camera("eye = { x = 1 }").is_err());
     }
 
     #[test]

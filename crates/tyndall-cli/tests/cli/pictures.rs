@@ -350,6 +350,52 @@ fn what_is_not_shown_is_as_if_it_were_not_there() {
 }
 
 #[test]
+fn cameras_are_pictures_or_a_way() {
+    let folder = Folder::new();
+    folder.file("a.xyz", line_of(5).repeat(3));
+    let run = |words: &[&str]| {
+        folder.run(
+            &[&["render", "a.xyz", "--size", "32x24", "--samples", "1", "--look", "flat", "-q"], words]
+                .concat(),
+        )
+    };
+    let pixels = |name: &str| png(&folder.path(name)).0;
+    run(&["-o", "front.png", "--eye", "2,-20,3", "--look-at", "2,0,0", "--ortho", "8"]).fine();
+    run(&["-o", "top.png", "--eye", "3,0,30", "--look-at", "3,0,0", "--up", "0,1,0", "--ortho", "6"]).fine();
+    let front = "eye=2,-20,3 look-at=2,0,0 ortho=8";
+    let top = "eye=3,0,30 look-at=3,0,0 up=0,1,0 ortho=6";
+    // Many cameras, one reading.
+    run(&["-o", "c.%d.png", "--frame", "0", "--camera", front, "--camera", top]).fine();
+    assert!(pixels("c.0.png") == pixels("front.png") && pixels("c.1.png") == pixels("top.png"));
+    assert!(pixels("front.png") != pixels("top.png"));
+    // A way from one to the other, through one frame and with all of them.
+    let [from, to] = [format!("at=0 {front}"), format!("at=2 move=straight {top}")];
+    let way = ["--camera", &from, "--camera", &to];
+    run(&[&["-o", "w.%d.png", "--frame", "0"], &way[..]].concat()).fine();
+    run(&[&["-o", "v.%d.png"], &way[..]].concat()).fine();
+    for name in ["w", "v"] {
+        assert!(pixels(&format!("{name}.0.png")) == pixels("front.png"));
+        assert!(pixels(&format!("{name}.2.png")) == pixels("top.png"));
+        assert!(![pixels("front.png"), pixels("top.png")].contains(&pixels(&format!("{name}.1.png"))));
+    }
+    // The same in a scene file.
+    let scene = "[particles]\nfiles = ['a.xyz']\n[[camera]]\nat = 0\neye = [2, -20, 3]\nlook-at = [2, 0, 0]\northo = 8\n\
+                 [[camera]]\nat = 2\neye = [3, 0, 30]\nlook-at = [3, 0, 0]\nup = [0, 1, 0]\northo = 6\n";
+    folder.file("scene.toml", scene);
+    folder
+        .render("scene.toml -o s.%d.png --size 32x24 --samples 1 --look flat --frame 0 --frame-count 3 -q")
+        .fine();
+    assert!(pixels("s.0.png") == pixels("front.png") && pixels("s.2.png") == pixels("top.png"));
+    run(&["-o", "x.png", "--camera", front, "--camera", top])
+        .fails(2, &["2 pictures need a number in the name"]);
+    run(&["-o", "x.%d.png", "--camera", front, "--camera", top])
+        .fails(2, &["several --camera are pictures of one frame"]);
+    run(&["-o", "x.png", "--camera", "eye=1,2"]).fails(2, &["'1,2' is no point X,Y,Z"]);
+    run(&["-o", "x.png", "--camera", &to, "--camera", &from]).fails(2, &["later than the one before it"]);
+    run(&["-o", "x.%d.png", "--frame-count", "3"]).fails(2, &["--frame-count is for a camera that moves"]);
+}
+
+#[test]
 fn all_frames_become_a_movie() {
     let folder = Folder::new();
     folder.file("a.xyz", line_of(4).repeat(5));

@@ -4,6 +4,7 @@ mod amounts;
 pub mod automatic;
 pub mod bonding;
 pub mod camera;
+pub mod camera_path;
 pub mod color;
 pub mod coloring;
 pub mod colormap;

@@ -25,7 +25,7 @@ use crate::particles::{Particles, Radii};
 use crate::progress::Progress;
 use crate::source::Source;
 use build::{Record, records};
-use replicas::{Replica, ReplicaTree, Replicas, Visitor};
+use replicas::{Nearest, Replica, ReplicaTree, Replicas};
 use search::{Every, Observer, Search};
 #[cfg(feature = "gpu")]
 use selection::Bits;
@@ -288,9 +288,7 @@ impl Structure {
             let except = except.and_then(|node| node.checked_sub(replica.first_node));
             each_store!(&self.store, store => store.occluded(ray, except))
         };
-        let mut any = Any { ray, ask, is_met: false };
-        replicas.visit(&self.own_bounds(), &mut any);
-        any.is_met
+        replicas.meets_any(&self.own_bounds(), ray, ask)
     }
 
     /// The node, in the particles themselves, of the particle whose image is at `node`.
@@ -398,73 +396,6 @@ impl Structure {
     /// Memory that centers, radii and nodes take, in bytes; the ids take four more a particle.
     pub fn bytes(&self) -> u64 {
         each_store!(&self.store, store => store.bytes())
-    }
-}
-
-/// Finds the nearest of what a ray meets in images; `ask` finds it in one, with a ray that was moved back.
-struct Nearest<'a, F> {
-    replicas: &'a ReplicaTree,
-    ray: &'a Ray,
-    ask: F,
-    /// With the node in the image that it is of.
-    best: Option<Hit>,
-}
-
-impl<'a, F: FnMut(&Ray, Replica) -> Option<Hit>> Nearest<'a, F> {
-    fn new(replicas: &'a ReplicaTree, ray: &'a Ray, ask: F) -> Self {
-        Self { replicas, ray, ask, best: None }
-    }
-
-    fn found(mut self, bounds: &Bounds) -> Option<Hit> {
-        self.replicas.visit(bounds, &mut self);
-        self.best
-    }
-
-    /// The part of the ray that may still hold the nearest, or one as near.
-    #[inline(always)]
-    fn left(&self) -> Ray {
-        let t_max = self.best.map_or(self.ray.t_max, |best| best.t.next_up().min(self.ray.t_max));
-        Ray { t_max, ..*self.ray }
-    }
-}
-
-impl<F: FnMut(&Ray, Replica) -> Option<Hit>> Visitor for Nearest<'_, F> {
-    #[inline(always)]
-    fn near(&self, bounds: &Bounds) -> Option<f32> {
-        replicas::enters(&self.left(), bounds)
-    }
-
-    #[inline(always)]
-    fn look(&mut self, replica: Replica) {
-        let left = self.left();
-        let moved = Ray { origin: left.origin - replica.shift, ..left };
-        if let Some(hit) = (self.ask)(&moved, replica) {
-            let hit = Hit { node: replica.first_node + hit.node, ..hit };
-            // Of equally near ones that of the earlier image, as copies would stand; within one, the structure has decided.
-            if self.best.is_none_or(|best| hit.t < best.t || hit.node < best.node) {
-                self.best = Some(hit);
-            }
-        }
-    }
-}
-
-/// Finds whether a ray meets anything in images.
-struct Any<'a, F> {
-    ray: &'a Ray,
-    ask: F,
-    is_met: bool,
-}
-
-impl<F: FnMut(&Ray, Replica) -> bool> Visitor for Any<'_, F> {
-    #[inline(always)]
-    fn near(&self, bounds: &Bounds) -> Option<f32> {
-        if self.is_met { None } else { replicas::enters(self.ray, bounds) }
-    }
-
-    #[inline(always)]
-    fn look(&mut self, replica: Replica) {
-        let moved = Ray { origin: self.ray.origin - replica.shift, ..*self.ray };
-        self.is_met |= (self.ask)(&moved, replica);
     }
 }
 

@@ -6,6 +6,7 @@
 
 use glam::{DVec3, Vec3};
 
+use super::Hit;
 use crate::error::{Error, Result};
 use crate::math::{Bounds, HIT_ROUNDING, Ray};
 use crate::particles::Cell;
@@ -210,6 +211,18 @@ impl ReplicaTree {
         self.shifts.len() as u32
     }
 
+    /// Whether a ray meets anything in any image of what lies within `bounds`; `ask` says so of one, with a ray that was moved back.
+    pub(super) fn meets_any(
+        &self,
+        bounds: &Bounds,
+        ray: &Ray,
+        ask: impl FnMut(&Ray, Replica) -> bool,
+    ) -> bool {
+        let mut any = Any { ray, ask, is_met: false };
+        self.visit(bounds, &mut any);
+        any.is_met
+    }
+
     /// By how much an image is moved.
     #[inline(always)]
     pub(crate) fn shift(&self, image: u32) -> Vec3 {
@@ -225,8 +238,75 @@ impl ReplicaTree {
 
 /// What lies within the box may be entered where the ray enters it, grown by the rounding of the hit formula; none if it misses it.
 #[inline(always)]
-pub(super) fn enters(ray: &Ray, bounds: &Bounds) -> Option<f32> {
+fn enters(ray: &Ray, bounds: &Bounds) -> Option<f32> {
     let farthest = bounds.min.abs().max(bounds.max.abs()) + ray.origin.abs();
     let grown = bounds.grown(HIT_ROUNDING * farthest.max_element());
     grown.clip(ray).map(|[enter, _]| enter)
+}
+
+/// Finds the nearest of what a ray meets in images; `ask` finds it in one, with a ray that was moved back.
+pub(super) struct Nearest<'a, F> {
+    replicas: &'a ReplicaTree,
+    ray: &'a Ray,
+    ask: F,
+    /// With the node in the image that it is of.
+    best: Option<Hit>,
+}
+
+impl<'a, F: FnMut(&Ray, Replica) -> Option<Hit>> Nearest<'a, F> {
+    pub(super) fn new(replicas: &'a ReplicaTree, ray: &'a Ray, ask: F) -> Self {
+        Self { replicas, ray, ask, best: None }
+    }
+
+    pub(super) fn found(mut self, bounds: &Bounds) -> Option<Hit> {
+        self.replicas.visit(bounds, &mut self);
+        self.best
+    }
+
+    /// The part of the ray that may still hold the nearest, or one as near.
+    #[inline(always)]
+    fn left(&self) -> Ray {
+        let t_max = self.best.map_or(self.ray.t_max, |best| best.t.next_up().min(self.ray.t_max));
+        Ray { t_max, ..*self.ray }
+    }
+}
+
+impl<F: FnMut(&Ray, Replica) -> Option<Hit>> Visitor for Nearest<'_, F> {
+    #[inline(always)]
+    fn near(&self, bounds: &Bounds) -> Option<f32> {
+        enters(&self.left(), bounds)
+    }
+
+    #[inline(always)]
+    fn look(&mut self, replica: Replica) {
+        let left = self.left();
+        let moved = Ray { origin: left.origin - replica.shift, ..left };
+        if let Some(hit) = (self.ask)(&moved, replica) {
+            let hit = Hit { node: replica.first_node + hit.node, ..hit };
+            // Of equally near ones that of the earlier image, as copies would stand; within one, the structure has decided.
+            if self.best.is_none_or(|best| hit.t < best.t || hit.node < best.node) {
+                self.best = Some(hit);
+            }
+        }
+    }
+}
+
+/// Finds whether a ray meets anything in images.
+struct Any<'a, F> {
+    ray: &'a Ray,
+    ask: F,
+    is_met: bool,
+}
+
+impl<F: FnMut(&Ray, Replica) -> bool> Visitor for Any<'_, F> {
+    #[inline(always)]
+    fn near(&self, bounds: &Bounds) -> Option<f32> {
+        if self.is_met { None } else { enters(self.ray, bounds) }
+    }
+
+    #[inline(always)]
+    fn look(&mut self, replica: Replica) {
+        let moved = Ray { origin: self.ray.origin - replica.shift, ..*self.ray };
+        self.is_met |= (self.ask)(&moved, replica);
+    }
 }
