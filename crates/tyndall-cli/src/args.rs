@@ -5,6 +5,7 @@ use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use glam::DVec3;
+use tyndall::scene::bonding::Bonding;
 use tyndall::scene::camera_path::Key;
 use tyndall::scene::coloring::{Coloring, Norm, Range};
 use tyndall::scene::colormap::Colormap;
@@ -107,6 +108,12 @@ pub(crate) struct Input {
     /// Data set of an HDF5 file that has the positions, group of particles of an H5MD file, or grid of an OpenVDB file, where there are several
     #[arg(long, value_name = "PATH")]
     pub(crate) dataset: Option<String>,
+    /// Where particles of a periodic box are put
+    #[arg(long, value_name = "WHAT", default_value = "none")]
+    pub(crate) wrap: Wrap,
+    /// Puts particles where they came to, by the file's image flags (ix iy iz)
+    #[arg(long, conflicts_with = "wrap")]
+    pub(crate) unwrap: bool,
     /// Fails on a truncated file, instead of reading its whole frames
     #[arg(long)]
     pub(crate) strict: bool,
@@ -125,6 +132,18 @@ pub(crate) enum Coords {
     Real,
     /// Fractions of the cell
     Scaled,
+}
+
+/// Where particles of a periodic box are put.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Wrap {
+    /// Where the file says
+    #[default]
+    None,
+    /// Each into the cell
+    Atoms,
+    /// Molecules whole (by mol, else residues and chains of them), their middle in the cell
+    Molecules,
 }
 
 /// What to do with bad particles.
@@ -313,12 +332,30 @@ pub(crate) struct Look {
     /// One radius for all particles [default: the file's, else by element, else half the usual distance]
     #[arg(long, value_name = "R", value_parser = length, allow_hyphen_values = true)]
     pub(crate) radius: Option<f32>,
+    /// Shows periodic images too: so many along each edge of the cell, from the file's own on; NX,NY,NZ or one number for all. They take
+    /// no memory, and show what is chosen alike
+    #[arg(long, value_name = "NX,NY,NZ", value_parser = crate::values::images)]
+    pub(crate) replicate: Option<[u32; 3]>,
+    /// Draws bonds, each half in the color of its particle: those of the file, else by the elements (auto), or file, elements, or up to this
+    /// distance. Spheres keep their radius: --radius-scale 0.25 shows balls and sticks
+    #[arg(long, value_name = "WHICH", num_args = 0..=1, default_missing_value = "auto")]
+    pub(crate) bonds: Option<Bonding>,
+    /// Radius of a bond [default: a tenth of their usual length]
+    #[arg(long, value_name = "R", value_parser = length, allow_hyphen_values = true, requires = "bonds")]
+    pub(crate) bond_radius: Option<f32>,
     /// What every radius is multiplied with
     #[arg(long, value_name = "S", default_value = "1", value_parser = length, allow_hyphen_values = true)]
     pub(crate) radius_scale: f32,
     /// Light
     #[arg(long, value_name = "LOOK", default_value = "default")]
     pub(crate) look: LightLook,
+}
+
+impl Look {
+    /// How many images along each edge, if there are several.
+    pub(crate) fn images(&self) -> Option<[u32; 3]> {
+        self.replicate.filter(|images| *images != [1; 3])
+    }
 }
 
 /// How particles are lit.

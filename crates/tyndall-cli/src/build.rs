@@ -2,6 +2,7 @@
 
 use std::time::Instant;
 
+use tyndall::periodic::Placement;
 use tyndall::render::Settings;
 use tyndall::render::estimate::Work;
 use tyndall::scene::automatic;
@@ -44,6 +45,12 @@ pub(crate) fn run(args: &args::Build, report: &Report) -> Outcome<()> {
         report.note(format_args!("note: frame 0 of {}; --frame N for another", sequence.len()));
     }
     let frame = input::read(&sequence, number, &args.input, report)?;
+    if input::placement(&args.input) != Placement::AsStored {
+        frame.conventions.last().into_iter().for_each(|text| report.note(text));
+    }
+    if !frame.particles.bonds().is_empty() {
+        report.warn("bonds are left out: a .tyn file has none");
+    }
     let (radii, radii_text) = match args.radius {
         Some(radius) => {
             (Radii::Uniform(radius), format!("radius {} given", tyndall::scene::short(radius.into())))

@@ -74,6 +74,11 @@ fn write_file(
         let frame = ahead.frame(frames[place], report)?;
         let told = (&frame.particles, &frame.warnings[..]);
         input::tell(&sequence.name(frames[place]), told, &args.input, report)?;
+        let (frame, text) = input::place(frame, &args.input)?;
+        match text {
+            Some(text) if place == 0 => report.note(text),
+            text => text.into_iter().for_each(|text| report.detail(text)),
+        }
         let (kept, share) = selection::keep(&args.selection, frame.particles).map_err(|failure| {
             failed = Some(failure);
             Error::Interrupted

@@ -54,10 +54,19 @@ pub(crate) struct Work {
     pub(crate) structure: Kind,
     pub(crate) culling: Culling,
     pub(crate) build: Builder,
+    /// What cards do not draw, if anything of that is wanted, as the command line calls it.
+    pub(crate) beyond_cards: Option<&'static str>,
 }
 
-/// Fails if a card is to build what it does not.
-fn check_builder(choice: &Choice, work: Work) -> Result<()> {
+/// Fails if a card is to draw or build what it does not.
+fn check(choice: &Choice, work: Work) -> Result<()> {
+    if let (Some(wanted), Choice::Gpu(_)) = (work.beyond_cards, choice) {
+        return Err(Error::setting(
+            "--device",
+            "gpu",
+            format!("auto or cpu with {wanted}: cards do not draw that"),
+        ));
+    }
     let allowed = match (work.build, work.structure, choice) {
         (Builder::Gpu, _, Choice::Cpu) => "cpu with --device cpu",
         (Builder::Gpu, Kind::Pkd(_) | Kind::Treelets(_) | Kind::Brute, _) => {
@@ -90,7 +99,7 @@ mod card {
     use tyndall::structure::{Kind, Spheres, Structure};
     use tyndall::{Error, Image, Result};
 
-    use super::{Choice, Work, check_builder, on_processor};
+    use super::{Choice, Work, check, on_processor};
     use crate::args::Builder;
     use crate::culling;
     use crate::report::{Outcome, Report, bytes};
@@ -136,12 +145,19 @@ mod card {
     impl Renders {
         /// Opens the device. `auto` says in a line if there is no card.
         pub(crate) fn new(choice: &Choice, work: Work, report: &Report) -> Outcome<Self> {
-            check_builder(choice, work)?;
+            check(choice, work)?;
             let is_lossy = matches!(work.culling, Culling::Confidence(_));
             let options = match choice {
                 Choice::Cpu => return Ok(Self::Processor),
                 // What is there to be compared is compared on one kind of machine, wherever the command runs, unless a card is asked for.
                 Choice::Auto if is_lossy || !matches!(work.structure, Kind::Bvh(_)) => {
+                    return Ok(Self::Processor);
+                }
+                Choice::Auto if let Some(wanted) = work.beyond_cards => {
+                    let threads = rayon::current_num_threads();
+                    report.note(format_args!(
+                        "note: cards do not draw {wanted}; CPU backend, {threads} threads"
+                    ));
                     return Ok(Self::Processor);
                 }
                 Choice::Auto => Options { hardware_only: true, ..Options::default() },
@@ -268,7 +284,7 @@ mod processor {
     use tyndall::structure::{Kind, Structure};
     use tyndall::{Error, Image, Result};
 
-    use super::{Choice, Work, check_builder, on_processor};
+    use super::{Choice, Work, check, on_processor};
     use crate::args::Builder;
     use crate::report::{Outcome, Report};
 
@@ -293,7 +309,7 @@ mod processor {
 
     impl Renders {
         pub(crate) fn new(choice: &Choice, work: Work, _: &Report) -> Outcome<Self> {
-            check_builder(choice, work)?;
+            check(choice, work)?;
             match (choice, work.build) {
                 (Choice::Auto | Choice::Cpu, Builder::Cpu) => Ok(Self),
                 _ => {

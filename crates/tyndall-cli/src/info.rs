@@ -41,11 +41,18 @@ pub(crate) fn run(args: &args::Info, report: &Report) -> Outcome<()> {
             input::tell(&sequence.name(number), (&particles, &warnings), &args.input, report)?;
             Frame { particles, conventions, warnings }
         }
-        None => input::read(&sequence, number, &args.input, report)?,
+        None => input::as_stored(&sequence, number, &args.input, report)?,
     };
+    let (mut frame, placed) = input::place(frame, &args.input)?;
     match args.json {
-        true => report.out(&json::describe(&sequence, number, &frame)),
-        false => report.out(&text(&sequence, number, &frame, structure)),
+        true => {
+            frame.conventions.extend(placed);
+            report.out(&json::describe(&sequence, number, &frame))
+        }
+        false => {
+            let placed = placed.map_or(String::new(), |it| format!("positions {it}\n"));
+            report.out(&(text(&sequence, number, &frame, structure) + &placed))
+        }
     }
 }
 
@@ -83,6 +90,9 @@ fn text(sequence: &Sequence, number: usize, frame: &Frame, structure: Option<Str
         true => "columns position".to_string(),
         false => format!("columns position · {}", columns.join(" · ")),
     });
+    if !particles.bonds().is_empty() {
+        lines.push(format!("bonds {}", grouped(particles.bonds().len())));
+    }
     lines.extend(structure);
     let dropped = particles.dropped().total();
     if dropped > 0 {

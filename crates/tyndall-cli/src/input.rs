@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use tyndall::periodic::{self, Placement};
 use tyndall::scene::grouped;
 use tyndall::scene::wanted::Wanted;
 use tyndall::structure::Kind;
@@ -9,7 +10,7 @@ use tyndall::{Error, Particles, synthetic};
 use tyndall_io::{Frame, Options, Sequence, saved};
 
 use crate::ahead::Ahead;
-use crate::args::{Coords, Input, OnBad};
+use crate::args::{Coords, Input, OnBad, Wrap};
 use crate::report::{Outcome, Report};
 
 /// Opens the files as one sequence. Of their attributes only those that are wanted need be read: all if nothing is said.
@@ -23,7 +24,8 @@ pub(crate) fn open(input: &Input, wanted: Option<Wanted>, report: &Report) -> Ou
         types: input.types.clone(),
         dataset: input.dataset.clone(),
         index_folder: if input.no_index { None } else { cache_folder().map(|it| it.join("frames")) },
-        wanted,
+        // Molecules and image flags have names that pictures do not look at.
+        wanted: wanted.filter(|_| matches!(placement(input), Placement::AsStored | Placement::Atoms)),
     };
     Ok(Sequence::open(&input.files, &options, report.progress())?)
 }
@@ -50,13 +52,30 @@ pub(crate) fn known_count(files: &[PathBuf]) -> Outcome<u64> {
     Ok(largest)
 }
 
-/// Reads a frame and says what is wrong with it.
+/// Reads a frame, says what is wrong with it, and puts its particles where they are wanted.
 pub(crate) fn read(sequence: &Sequence, number: usize, input: &Input, report: &Report) -> Outcome<Frame> {
+    placed(as_stored(sequence, number, input, report)?, input)
+}
+
+/// The frame with its particles where they are wanted, which is one more convention.
+fn placed(frame: Frame, input: &Input) -> Outcome<Frame> {
+    let (frame, text) = place(frame, input)?;
+    let conventions = frame.conventions.into_iter().chain(text).collect();
+    Ok(Frame { conventions, ..frame })
+}
+
+/// Reads a frame and says what is wrong with it.
+pub(crate) fn as_stored(
+    sequence: &Sequence,
+    number: usize,
+    input: &Input,
+    report: &Report,
+) -> Outcome<Frame> {
     let frame = sequence.frame(number, report.progress())?;
     told(frame, sequence, number, input, report)
 }
 
-/// Reads a frame, perhaps ahead of time, and says what is wrong with it.
+/// Reads a frame, perhaps ahead of time, says what is wrong with it, and puts its particles where they are wanted.
 pub(crate) fn read_ahead(
     (sequence, ahead): (&Sequence, &mut Ahead),
     number: usize,
@@ -64,12 +83,28 @@ pub(crate) fn read_ahead(
     report: &Report,
 ) -> Outcome<Frame> {
     let frame = ahead.frame(number, report)?;
-    told(frame, sequence, number, input, report)
+    placed(told(frame, sequence, number, input, report)?, input)
 }
 
 fn told(frame: Frame, sequence: &Sequence, number: usize, input: &Input, report: &Report) -> Outcome<Frame> {
     tell(&sequence.name(number), (&frame.particles, &frame.warnings), input, report)?;
     Ok(frame)
+}
+
+/// Puts the particles of a frame where they are wanted, and says what that was; nothing where they stay.
+pub(crate) fn place(frame: Frame, input: &Input) -> tyndall::Result<(Frame, Option<String>)> {
+    let (particles, text) = periodic::place(frame.particles, placement(input))?;
+    Ok((Frame { particles, ..frame }, text))
+}
+
+/// Where particles of a periodic box are wanted.
+pub(crate) fn placement(input: &Input) -> Placement {
+    match (input.unwrap, input.wrap) {
+        (true, _) => Placement::Unwrapped,
+        (false, Wrap::None) => Placement::AsStored,
+        (false, Wrap::Atoms) => Placement::Atoms,
+        (false, Wrap::Molecules) => Placement::Molecules,
+    }
 }
 
 /// Refuses to write `path` if it is one of the files that are read.

@@ -26,6 +26,7 @@ pub(crate) fn describe(sequence: &Sequence, number: usize, frame: &Frame) -> Str
         "cell": cell,
         "time": particles.time(),
         "length_unit": particles.length_unit(),
+        "bonds": particles.bonds().len(),
         "attributes": particles.attributes().iter().map(attribute).collect::<Vec<_>>(),
         "first": particle(particles, 0),
         "last": particles.len().checked_sub(1).and_then(|last| particle(particles, last)),

@@ -6,9 +6,11 @@
 use std::time::Instant;
 
 use tyndall::particles::{Particles, Radii};
+use tyndall::periodic::Placement;
 use tyndall::render::estimate::Work;
 use tyndall::render::{Culling, Settings};
 use tyndall::scene::automatic::{self, Outliers};
+use tyndall::scene::bonding;
 use tyndall::scene::camera::{Camera, VERTICAL_ANGLE};
 use tyndall::scene::color::{ParticleColors, resolve};
 use tyndall::scene::coloring::{Norm, Range};
@@ -18,6 +20,7 @@ use tyndall::scene::outline::Outline;
 use tyndall::scene::viewpoint::{Lens, Motion, Viewpoint, too_small, why_unseen};
 use tyndall::scene::wanted::Wanted;
 use tyndall::scene::{Scene, short};
+use tyndall::structure::replicas::Replicas;
 use tyndall::structure::saved::RadiiOf;
 use tyndall::structure::{Kind, Spheres, Structure};
 use tyndall::{Error, Source};
@@ -53,7 +56,7 @@ pub(crate) fn run(args: &args::Render, report: &Report) -> Outcome<()> {
     let wanted = Wanted {
         coloring: args.look.color.clone(),
         filters: args.selection.all_filters(),
-        radii: args.look.radius.is_none(),
+        radii: args.look.radius.is_none() || args.look.bonds.is_some(),
     };
     let sequence = input::open(&args.input, Some(wanted), report)?;
     let pictures = plan::pictures(args, &job.pattern, sequence.len(), report)?;
@@ -122,6 +125,17 @@ impl<'a> Job<'a> {
         if let Culling::Confidence(options) = culling {
             options.check()?;
         }
+        let images = args.look.images();
+        let bonds = args.look.bonds.map(|_| "--bonds");
+        let coverage = matches!(culling, Culling::Certified(proofs) if proofs.coverage);
+        if images.is_some() && coverage {
+            return Err(Error::setting("--certified", "coverage", "without coverage with --replicate").into());
+        }
+        let beyond = images.map(|_| "--replicate").or(bonds);
+        if let (Some(wanted), Culling::Confidence(_)) = (beyond, culling) {
+            let allowed = format!("off or certified with {wanted}");
+            return Err(Error::setting("--culling", "confidence", allowed).into());
+        }
         let settings = Settings { width, height, samples, seed: *seed, culling };
         let asked = structure::kind(&args.method.structure)?;
         let is_structure_asked_for = args.method.structure.structure.is_some() || asked != Kind::default();
@@ -147,7 +161,7 @@ impl<'a> Job<'a> {
             pattern: Pattern::new(&args.picture.output),
             renders: Renders::new(
                 &args.method.device,
-                device::Work { structure, culling, build: args.method.build },
+                device::Work { structure, culling, build: args.method.build, beyond_cards: beyond },
                 report,
             )?,
         })
@@ -187,6 +201,10 @@ impl<'a> Job<'a> {
 
     /// The frame as parts, if it has to be read in parts and can be.
     fn parts(&self, sequence: &Sequence, number: usize) -> Option<Parts> {
+        // Particles that are put elsewhere or bonded are all needed at once.
+        if input::placement(&self.args.input) != Placement::AsStored || self.args.look.bonds.is_some() {
+            return None;
+        }
         // What is wrong with the file is said when it is read.
         let parts =
             sequence.parts(number).ok().flatten().filter(|_| matches!(self.structure, Kind::Bvh(_)))?;
@@ -218,6 +236,9 @@ impl<'a> Job<'a> {
         }
         if self.args.method.build == Builder::Gpu {
             return Some("--build gpu".into());
+        }
+        if input::placement(&self.args.input) != Placement::AsStored {
+            return Some("its particles are to be elsewhere".into());
         }
         if let Some((Radii::Uniform(radius), _)) = self.asked_radius(kept)
             && uniform != Some(radius)
@@ -290,13 +311,19 @@ impl<'a> Job<'a> {
         let (radii, radius_text) = self.radii(&particles, guesses, kept.as_ref());
         let spheres =
             Spheres { particles: &particles, radii: &radii, radius_scale: self.args.look.radius_scale };
+        let images = self.args.look.images();
+        let replicas = images.map(|images| Replicas::new(particles.cell(), images)).transpose()?;
         let (camera, outline, framing_text) = match kept.as_ref() {
             Some(kept) => (kept.camera, kept.outline.clone(), "framed as the first frame".to_string()),
-            None => self.camera(spheres, guesses),
+            None => self.camera(spheres, replicas.as_ref(), guesses),
         };
         let colors = self.colors(&particles, kept.as_ref())?;
+        let look = &self.args.look;
+        let bonded =
+            look.bonds.map(|which| bonding::find(&particles, which, look.bond_radius)).transpose()?;
         let selection = Found::of(&self.args.selection, &particles)?;
         let mut guesses = self.guesses(&conventions, count, &radius_text, &colors, &framing_text);
+        guesses.extend(bonded.iter().map(|bonded| bonded.description.clone()));
         if is_first {
             self.report.note(format_args!("tyndall: {}", guesses.join(" · ")));
             let Settings { width, height, .. } = self.settings;
@@ -304,6 +331,10 @@ impl<'a> Job<'a> {
             let sample = opened.as_ref().map_or(spheres, |opened| opened.spheres(spheres.radius_scale));
             if let Some(warning) = too_small(sample, &view) {
                 self.report.warn(&warning);
+            }
+            if look.bonds.is_some() && look.radius.is_none() && look.radius_scale == 1.0 {
+                let text = "note: bonds lie within the spheres where these touch; --radius-scale 0.25 shows balls and sticks";
+                self.report.note(text);
             }
             let range =
                 colors.legend.as_ref().map(|legend| (legend.norm, Range::Given(legend.low, legend.high)));
@@ -349,6 +380,12 @@ impl<'a> Job<'a> {
             guesses.extend([text, by_axis]);
         }
         let mut scene = Scene::new(structure, colors, Lighting::Flat, self.background);
+        if let Some(replicas) = &replicas {
+            scene.replicate(replicas)?;
+        }
+        if let Some(bonded) = bonded.filter(|bonded| !bonded.segments.is_empty()) {
+            scene.bond(&bonded.segments, bonded.radius)?;
+        }
         if let Some(text) = selection.hide_others(&mut scene)? {
             self.tell(is_first, &text);
             guesses.push(text);
@@ -435,11 +472,17 @@ impl<'a> Job<'a> {
         }
     }
 
-    fn camera(&self, spheres: Spheres, guesses: Option<&Guesses>) -> (Camera, Outline, String) {
+    fn camera(
+        &self,
+        spheres: Spheres,
+        replicas: Option<&Replicas>,
+        guesses: Option<&Guesses>,
+    ) -> (Camera, Outline, String) {
         let outliers = if self.args.camera.frame_all { Outliers::Shown } else { Outliers::Left };
         let guessed = guesses.filter(|_| spheres.radius_scale == 1.0);
         let shown = guessed.map_or_else(|| Shown::of(spheres, outliers), |it| it.shown(outliers).clone());
         let Shown { framing, outline } = shown;
+        let outline = replicas.map_or_else(|| outline.clone(), |replicas| outline.replicated(replicas));
         let aspect = f64::from(self.settings.width) / f64::from(self.settings.height);
         let camera = self.viewpoint.camera(&outline, aspect);
         if self.viewpoint.eye.is_some() {
@@ -474,6 +517,9 @@ impl<'a> Job<'a> {
         let Settings { width, height, samples, .. } = self.settings;
         let mut guesses = vec![format!("{name}, {}", self.renders.name())];
         guesses.push(counted(count, "particle"));
+        if let Some([x, y, z]) = self.args.look.images() {
+            guesses.push(format!("in {x}×{y}×{z} periodic images"));
+        }
         guesses.extend(conventions.iter().cloned());
         guesses.extend([radius.to_string(), colors.description.clone(), framing.to_string()]);
         guesses.push(format!("{width}x{height}, {samples} samples"));

@@ -39,6 +39,17 @@ pub(crate) fn point(text: &str) -> Result<DVec3> {
     }
 }
 
+/// Reads `NX,NY,NZ`, or one number that stands for all three.
+pub(crate) fn images(text: &str) -> Result<[u32; 3]> {
+    let numbers: Option<Vec<u32>> =
+        text.split(',').map(|part| part.trim().parse().ok().filter(|&it| it > 0)).collect();
+    match numbers.as_deref() {
+        Some(&[all]) => Ok([all; 3]),
+        Some(&[x, y, z]) => Ok([x, y, z]),
+        _ => Err(Error::setting("--replicate", text, "whole numbers NX,NY,NZ from 1, or one for all three")),
+    }
+}
+
 /// Reads a length above 0, or a factor.
 pub(crate) fn length(text: &str) -> Result<f32> {
     let number = text.parse().ok().filter(|it: &f32| it.is_finite() && *it > 0.0);
@@ -237,6 +248,8 @@ mod tests {
         }
         assert_eq!(point("-1,2.5,3e2").unwrap(), DVec3::new(-1.0, 2.5, 300.0));
         assert!(["1,2", "1,2,3,4", "1,2,nan", ""].iter().all(|bad| point(bad).is_err()));
+        assert_eq!((images("3,3,1").unwrap(), images("2").unwrap()), ([3, 3, 1], [2; 3]));
+        assert!(["0", "3,3", "1,2,3,4", "1,0,1", "-1", "1.5", ""].iter().all(|bad| images(bad).is_err()));
         assert!(["0", "-1", "nan", "inf", "x"].iter().all(|bad| length(bad).is_err()));
         assert!(
             ["0", "1.5", "x"].iter().all(|bad| count(bad).is_err()) && count("1e7").unwrap() == 10_000_000

@@ -21,6 +21,7 @@ pub(crate) struct Topology {
     path: PathBuf,
     count: usize,
     attributes: Vec<Attribute>,
+    bonds: Vec<[u32; 2]>,
 }
 
 impl Topology {
@@ -36,7 +37,8 @@ impl Topology {
         }
         let stays = |it: &&Attribute| !MOVING.contains(&it.name.as_str());
         let attributes = particles.attributes().iter().filter(stays).cloned().collect();
-        Ok(Self { path: path.to_path_buf(), count: particles.len(), attributes })
+        let bonds = particles.bonds().to_vec();
+        Ok(Self { path: path.to_path_buf(), count: particles.len(), attributes, bonds })
     }
 
     /// Adds the attributes to a frame of the file at `path`, as far as it has not its own of that name; says so.
@@ -60,6 +62,10 @@ impl Topology {
                 names.push(attribute.name.as_str());
                 columns.attributes.push(attribute.clone());
             }
+        }
+        if columns.bonds.is_empty() && !self.bonds.is_empty() {
+            names.push("bonds");
+            columns.bonds.clone_from(&self.bonds);
         }
         Ok(format!("from {}: {}", self.path.display(), names.join(" ")))
     }

@@ -36,6 +36,7 @@ pub mod math;
 pub mod medium;
 mod pages;
 pub mod particles;
+pub mod periodic;
 pub mod progress;
 pub mod random;
 pub mod render;

@@ -423,6 +423,8 @@ pub struct Columns {
     pub time: Option<f64>,
     /// The unit of lengths, where the file or its format tells.
     pub length_unit: Option<String>,
+    /// Pairs of particles that are bonded, by their places in the columns.
+    pub bonds: Vec<[u32; 2]>,
 }
 
 /// How many particles were left out on entry, and why.
@@ -463,6 +465,7 @@ pub struct Particles {
     length_unit: Option<String>,
     dropped: Dropped,
     places: Option<Frozen<u64>>,
+    bonds: Vec<[u32; 2]>,
     /// The box of the centers, once it is known.
     bounds: OnceLock<Bounds>,
 }
@@ -476,7 +479,7 @@ impl Particles {
     ///
     /// Fails with [`Error::Setting`] if a column's length does not fit or there are 2^32 - 1 particles or more.
     pub fn new(columns: Columns) -> Result<Self> {
-        let Columns { mut positions, mut attributes, radii, cell, time, length_unit } = columns;
+        let Columns { mut positions, mut attributes, radii, cell, time, length_unit, bonds } = columns;
         let count = positions.len();
         check_lengths(count, &attributes)?;
         let radii = radii.or_else(|| radii_by_name(&attributes));
@@ -500,8 +503,9 @@ impl Particles {
             let kept: Vec<u64> = (0..count as u64).filter(|&id| keep[id as usize]).collect();
             places = Some(kept.into());
         }
+        let bonds = checked_bonds(bonds, count, places.as_deref());
         let bounds = OnceLock::new();
-        Ok(Self { positions, attributes, radii, cell, time, length_unit, dropped, places, bounds })
+        Ok(Self { positions, attributes, radii, cell, time, length_unit, dropped, places, bonds, bounds })
     }
 
     /// Takes columns that [`Particles::new`] has checked before, as they were saved, with what else it knew. Nothing is looked at but
@@ -509,7 +513,7 @@ impl Particles {
     ///
     /// Fails with [`Error::Setting`] if a length does not fit, or the radii refer to an attribute that is not there.
     pub fn restore(columns: Columns, entry: Entry) -> Result<Self> {
-        let Columns { positions, attributes, radii, cell, time, length_unit } = columns;
+        let Columns { positions, attributes, radii, cell, time, length_unit, bonds } = columns;
         let Entry { dropped, places, bounds } = entry;
         let count = positions.len();
         check_lengths(count, &attributes)?;
@@ -525,8 +529,9 @@ impl Particles {
         if places.as_ref().is_some_and(|places| places.len() != count) {
             return Err(Error::setting("places", "of another number", format!("one for {count} particles")));
         }
+        let bonds = checked_bonds(bonds, count, None);
         let bounds = OnceLock::from(bounds);
-        Ok(Self { positions, attributes, radii, cell, time, length_unit, dropped, places, bounds })
+        Ok(Self { positions, attributes, radii, cell, time, length_unit, dropped, places, bonds, bounds })
     }
 
     /// Whether all positions are finite, and all radii neither negative nor infinite.
@@ -567,12 +572,28 @@ impl Particles {
         retain(&mut positions, &mut attributes, keep);
         let place = |id: usize| places.as_ref().map_or(id as u64, |places| places[id]);
         let places: Vec<u64> = (0..keep.len()).filter(|&id| keep[id]).map(place).collect();
-        Self { positions, attributes, places: Some(places.into()), bounds: OnceLock::new(), ..self }
+        let ids: Vec<u64> = (0..keep.len() as u64).filter(|&id| keep[id as usize]).collect();
+        let bonds = checked_bonds(self.bonds, keep.len(), Some(&ids));
+        Self { positions, attributes, places: Some(places.into()), bonds, bounds: OnceLock::new(), ..self }
     }
 
     /// The same particles with radii `radii`, which may refer to their attributes.
     pub fn with_radii(self, radii: Radii) -> Self {
         Self { radii: Some(radii), ..self }
+    }
+
+    /// The same particles elsewhere: `offsets` from the origin, and other values of some attributes. Fails with [`Error::Setting`] if a
+    /// place is not finite.
+    pub(crate) fn moved(mut self, offsets: [Vec<f32>; 3], values: Vec<(usize, Values)>) -> Result<Self> {
+        if offsets.par_iter().any(|column| column.par_iter().any(|it| !it.is_finite())) {
+            return Err(Error::setting("positions", "beyond all numbers", "where particles can be moved to"));
+        }
+        for (place, values) in values {
+            self.attributes[place].values = values;
+        }
+        check_lengths(offsets[0].len(), &self.attributes)?;
+        let positions = Positions::from_offsets(self.positions.origin(), offsets);
+        Ok(Self { positions, bounds: OnceLock::new(), ..self })
     }
 
     /// How many there are.
@@ -627,6 +648,11 @@ impl Particles {
         self.length_unit.as_deref()
     }
 
+    /// Pairs of particles that are bonded, by their ids; each pair once, the smaller id first, in order.
+    pub fn bonds(&self) -> &[[u32; 2]] {
+        &self.bonds
+    }
+
     /// How many were dropped on entry.
     pub fn dropped(&self) -> Dropped {
         self.dropped
@@ -660,7 +686,7 @@ impl Particles {
     pub fn bytes(&self) -> u64 {
         let places = self.places.as_ref().map_or(0, |places| size_of_val(&places[..]));
         let attributes = self.attributes.iter().map(|it| it.values.len() * it.values.value_bytes());
-        (12 * self.len() + places + attributes.sum::<usize>()) as u64
+        (12 * self.len() + places + size_of_val(&self.bonds[..]) + attributes.sum::<usize>()) as u64
     }
 
     /// The places in the file of all, by id; none where none was dropped.
@@ -677,6 +703,22 @@ impl Particles {
         };
         *self.bounds.get_or_init(around)
     }
+}
+
+/// Each bond once, in order, between two of `count` particles; where some were dropped, `places` are the places of the others.
+fn checked_bonds(mut bonds: Vec<[u32; 2]>, count: usize, places: Option<&[u64]>) -> Vec<[u32; 2]> {
+    let id = |place: u32| match places {
+        Some(places) => places.binary_search(&u64::from(place)).ok().map(|id| id as u32),
+        None => Some(place).filter(|&place| (place as usize) < count),
+    };
+    bonds.retain_mut(|bond| {
+        let (Some(one), Some(other)) = (id(bond[0]), id(bond[1])) else { return false };
+        *bond = [one.min(other), one.max(other)];
+        one != other
+    });
+    bonds.par_sort_unstable();
+    bonds.dedup();
+    bonds
 }
 
 /// Leaves those of the particles that are flagged.

@@ -156,6 +156,14 @@ impl Job<'_> {
             let text = "--method reference knows no noise — leave out --noise and --density-noise";
             return Err(Failure::Usage(text.into()));
         }
+        if self.args.look.images().is_some() {
+            let text = "--replicate is for spheres — leave it out, or --mode medium";
+            return Err(Failure::Usage(text.into()));
+        }
+        if self.args.look.bonds.is_some() {
+            let text = "--bonds is for spheres — leave it out, or --mode medium";
+            return Err(Failure::Usage(text.into()));
+        }
         let grid = Grid::from_dense(Vec3::ZERO, 1.0, [1; 3], &[1.0])?;
         Medium::new(grid, self.optics(self.args.medium.extinction.map_or([0.0; 3], |it| it.0))?)?;
         for light in &self.args.medium.lights {

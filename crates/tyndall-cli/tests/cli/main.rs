@@ -2,12 +2,14 @@
 #![allow(clippy::unwrap_used, reason = "helpers of tests, in which a panic is the failure")]
 
 mod bench;
+mod bonds;
 mod build;
 mod convert;
 mod device;
 mod errors;
 mod info;
 mod medium;
+mod periodic;
 mod pictures;
 mod stop;
 

@@ -104,11 +104,15 @@ pub(super) fn apply(columns: Columns, assemblies: &[Assembly], wanted: &str, cha
     let mut numbers: Vec<i32> = Vec::with_capacity(total);
     let mut positions = Positions::around(DVec3::ZERO);
     positions.reserve(total);
-    let mut number = 0;
+    let (mut number, mut bonds) = (0, Vec::new());
     for (group, ids) in groups.iter().zip(&members) {
         let points: Vec<DVec3> = ids.iter().map(|&id| columns.positions.world(id as usize)).collect();
         for operator in &group.operators {
             number += 1;
+            let first = order.len() as u32;
+            let place = |id: u32| ids.binary_search(&id).ok().map(|place| first + place as u32);
+            let copied = columns.bonds.iter().filter_map(|&[one, other]| Some([place(one)?, place(other)?]));
+            bonds.extend(copied);
             order.extend(ids);
             numbers.extend(std::iter::repeat_n(number, ids.len()));
             let moved: Vec<DVec3> = points.par_iter().map(|&point| operator.apply(point)).collect();
@@ -120,7 +124,7 @@ pub(super) fn apply(columns: Columns, assemblies: &[Assembly], wanted: &str, cha
         attribute.values = in_order(&attribute.values, attribute.components, &order);
     }
     attributes.push(Attribute::new("operator", 1, Values::I32(numbers)));
-    Ok(Columns { positions, attributes, cell: None, ..columns })
+    Ok(Columns { positions, attributes, bonds, cell: None, ..columns })
 }
 
 /// The rows of a column, in this order.

@@ -217,6 +217,7 @@ impl AtomSite {
             cell: entry.cell(&mut conventions),
             time: None,
             length_unit: Some("Å".to_string()),
+            bonds: Vec::new(),
         };
         let columns = match &request.options.assembly {
             Some(wanted) => assembly::apply(columns, &entry.assemblies, wanted, "asym")?,

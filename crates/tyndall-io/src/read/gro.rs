@@ -257,6 +257,7 @@ pub(crate) fn frame(feed: &mut Feed, request: &Request, progress: &dyn Progress)
         cell,
         time: time(&title),
         length_unit: Some("nm".to_string()),
+        bonds: Vec::new(),
     };
     finish(columns, conventions, Vec::new())
 }

@@ -326,7 +326,14 @@ pub(crate) fn frame(
         dimensions == 2.0,
     );
     columns.time = Some(chunks.numbers::<1>("configuration/step").map_or(0.0, |it| it[0]));
-    let left_out: Vec<String> = ["bonds", "angles", "dihedrals", "impropers", "constraints", "pairs"]
+    if let Some(entry) = chunks.any("bonds/group").filter(|it| it.columns == 2 && it.kind.is_some()) {
+        let source = chunks.source(&entry);
+        let [one, other] = [0, 1].map(|end| source.component(end));
+        let [count] = chunks.numbers("bonds/N").unwrap_or([0.0]);
+        let rows = 0..entry.rows.min(count as u64) as usize;
+        columns.bonds = rows.map(|row| [one.number(row) as u32, other.number(row) as u32]).collect();
+    }
+    let left_out: Vec<String> = ["angles", "dihedrals", "impropers", "constraints", "pairs"]
         .iter()
         .filter_map(|what| {
             let [count] = chunks.numbers(&format!("{what}/N")).filter(|it| it[0] > 0.0)?;
@@ -425,6 +432,8 @@ mod tests {
                 (0, "particles/diameter", 2, 1, 9, floats(&[3.0, 5.0])),
                 (0, "particles/position", 2, 3, 9, floats(&[1.0, 2.0, 3.0, -1.0, -0.5, 0.0])),
                 (0, "bonds/N", 1, 1, 3, 1u32.to_le_bytes().to_vec()),
+                (0, "bonds/group", 1, 2, 3, [1u32, 0].iter().flat_map(|it| it.to_le_bytes()).collect()),
+                (0, "angles/N", 1, 1, 3, 4u32.to_le_bytes().to_vec()),
                 (1, "configuration/step", 1, 1, 4, 500u64.to_le_bytes().to_vec()),
                 (1, "particles/position", 2, 3, 9, floats(&[1.5, 2.0, 3.0, -1.0, -0.5, 0.0])),
                 (
@@ -447,6 +456,10 @@ mod tests {
             let frames = real_data::open(&sample(major)).unwrap();
             assert_eq!(frames.iter().map(|it| it.particles.len()).collect::<Vec<_>>(), [2, 2, 1]);
             let [first, second, third] = [0, 1, 2].map(|it| &frames[it].particles);
+            assert_eq!(
+                (first.bonds(), second.bonds(), third.bonds().len()),
+                (&[[0, 1]][..], &[[0, 1]][..], 0)
+            );
             let cell = second.cell().unwrap();
             assert_eq!(
                 cell.vectors,
@@ -465,7 +478,7 @@ mod tests {
             assert_eq!(third.attribute("type").unwrap().values, Values::Text { codes: vec![0], names });
             assert_eq!(second.attribute("energy").unwrap().values, Values::F64(vec![0.5, -0.5]));
             assert!(
-                frames[0].conventions.contains(&"left out: 1 bonds".to_string()),
+                frames[0].conventions.contains(&"left out: 4 angles".to_string()),
                 "{:?}",
                 frames[0].conventions
             );

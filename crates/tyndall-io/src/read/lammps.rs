@@ -237,6 +237,7 @@ pub(crate) fn frame(feed: &mut Feed, request: &Request, progress: &dyn Progress)
         cell,
         time: header.time.or(header.step),
         length_unit: header.units.as_deref().or(request.units).and_then(length_unit).map(str::to_string),
+        bonds: Vec::new(),
     };
     let mut conventions = conventions(names, axes, cell.as_ref(), scaled);
     if cell.is_some() && !header.periodicity {

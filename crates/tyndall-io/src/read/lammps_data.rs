@@ -1,6 +1,6 @@
 //! LAMMPS data files: what `read_data` reads and `write_data` writes: one frame, in sections.
 //!
-//! Takes the sections Atoms, Velocities, Masses and Atom Type Labels; bonds and the like are counted and left out. What the columns
+//! Takes the sections Atoms, Velocities, Bonds, Masses and Atom Type Labels; angles and the like are counted and left out. What the columns
 //! of an atom are depends on its style: the word behind `Atoms #` tells it, else their number and which of them are integers, and
 //! the guess is said. Image flags behind them are optional. Velocities are joined by id. Source: LAMMPS documentation of
 //! `read_data` and `write_data`.
@@ -206,7 +206,7 @@ pub(crate) fn frame(feed: &mut Feed, request: &Request, progress: &dyn Progress)
     let count = count(feed, &header)?;
     let mut conventions = Vec::new();
     let (mut names, mut atoms, mut velocities) = (Vec::new(), None, None);
-    let mut types = Types::default();
+    let (mut types, mut bonds) = (Types::default(), Vec::new());
     while let Some(it) = section {
         let sample = Sample::of(peek_rows(feed)?);
         match it.name.as_str() {
@@ -234,6 +234,7 @@ pub(crate) fn frame(feed: &mut Feed, request: &Request, progress: &dyn Progress)
                 let layout = layout(feed, &names, None)?;
                 velocities = Some(rows::read(feed, &layout, Some(count), request.bytes, progress)?);
             }
+            "Bonds" => bonds = bonded(feed, header.count("bonds"))?,
             "Masses" => types.masses(feed, header.count("atom types"))?,
             "Atom Type Labels" => types.labels(feed, header.count("atom types"))?,
             name => skip(feed, &header, name)?,
@@ -255,7 +256,16 @@ pub(crate) fn frame(feed: &mut Feed, request: &Request, progress: &dyn Progress)
         conventions.push("image flags ix iy iz: kept as attributes, not applied".to_string());
     }
     conventions.push("the file does not say whether the box repeats: taken as periodic".to_string());
-    let left_out: Vec<String> = ["bonds", "angles", "dihedrals", "impropers"]
+    let mut warnings = Vec::new();
+    let (bonds, unknown) = places(&bonds, &attributes);
+    let missing = header.count("bonds").unwrap_or(0).saturating_sub((bonds.len() + unknown) as u64);
+    if unknown > 0 {
+        warnings.push(format!("left out {} bonds of atoms that are not there", grouped(unknown)));
+    }
+    if missing > 0 {
+        warnings.push(format!("{} bonds of the header are not there", grouped(missing as usize)));
+    }
+    let left_out: Vec<String> = ["angles", "dihedrals", "impropers"]
         .iter()
         .filter_map(|what| Some((what, header.count(what).filter(|&it| it > 0)?)))
         .map(|(what, count)| format!("{} {what}", grouped(count as usize)))
@@ -270,8 +280,40 @@ pub(crate) fn frame(feed: &mut Feed, request: &Request, progress: &dyn Progress)
         cell: Some(header.cell),
         time: header.title_value("timestep").and_then(|it| it.parse().ok()),
         length_unit: header.title_value("units").and_then(lammps::length_unit).map(str::to_string),
+        bonds,
     };
-    finish(columns, conventions, Vec::new())
+    finish(columns, conventions, warnings)
+}
+
+/// The ids of the atoms of each bond.
+fn bonded(feed: &mut Feed, count: Option<u64>) -> Result<Vec<[i64; 2]>> {
+    let mut bonds = Vec::new();
+    for _ in 0..count.unwrap_or(0) {
+        let Some(line) = feed.line()? else { break };
+        let mut ids = line.split_whitespace().skip(2).map(str::parse);
+        let (Some(Ok(one)), Some(Ok(other))) = (ids.next(), ids.next()) else {
+            let what = format!(
+                "wanted a bond, its type and two atoms, found '{}'",
+                rows::shortened(line.as_bytes())
+            );
+            return Err(feed.fault(what, HINT));
+        };
+        bonds.push([one, other]);
+    }
+    Ok(bonds)
+}
+
+/// The places of the atoms of each bond, and how many bonds name an atom that is not there.
+fn places(bonds: &[[i64; 2]], attributes: &[Attribute]) -> (Vec<[u32; 2]>, usize) {
+    let Some(ids) = attributes.iter().find(|it| it.name == "id").filter(|_| !bonds.is_empty()) else {
+        return (Vec::new(), bonds.len());
+    };
+    let places: HashMap<i64, u32> =
+        (0..ids.values.len()).map(|place| (ids.number(place, 0) as i64, place as u32)).collect();
+    let place = |[one, other]: &[i64; 2]| Some([*places.get(one)?, *places.get(other)?]);
+    let found: Vec<[u32; 2]> = bonds.iter().filter_map(place).collect();
+    let unknown = bonds.len() - found.len();
+    (found, unknown)
 }
 
 /// How rows with these columns are to be understood.
@@ -428,7 +470,7 @@ mod tests {
     const SMALL: &str = "made up, timestep = 40, units = real\n\n2 atoms\n3 bonds\n2 atom types\n\n-1 1 xlo xhi\n0 4 ylo yhi # tall\n\
         0 8 zlo zhi\n0.5 0 -1 xy xz yz\n\nMasses\n\n1 15.9994 # OW\n2 1.008\n\nPair Coeffs # lj/cut\n\n1 0.1 3\n2 0 0\n\n\
         Atoms # full\n\n7 1 2 0.5 0.25 0.5 -1 0 0 1 # second\n3 1 1 -1 0.5 0.5 0.5 0 0 0\n\n\
-        Velocities\n\n3 1 2 3\n7 -1 -2 -3\n\nBonds\n\n1 1 1 2\n2 1 1 2\n3 1 1 2\n";
+        Velocities\n\n3 1 2 3\n7 -1 -2 -3\n\nBonds\n\n1 1 3 7\n2 1 7 3\n3 1 3 9\n";
 
     fn read(text: &str) -> Result<Frame> {
         real_data::open(text.as_bytes()).map(|mut frames| frames.remove(0))
@@ -461,8 +503,18 @@ mod tests {
             assert_eq!(cell.vectors[1..], [DVec3::new(0.5, 4.0, 0.0), DVec3::new(0.0, -1.0, 8.0)]);
             assert_eq!((particles.time(), particles.length_unit()), (Some(40.0), Some("Å")));
             assert_eq!(frame.conventions[0], "atom style full: id mol type q x y z ix iy iz");
-            assert!(frame.conventions.iter().any(|it| it == "left out: 3 bonds"), "{:?}", frame.conventions);
+            assert_eq!(particles.bonds(), [[0, 1]]);
+            assert_eq!(frame.warnings, ["left out 1 bonds of atoms that are not there"]);
         }
+    }
+
+    #[test]
+    fn bonds_that_are_cut_or_malformed_are_told() {
+        let cut = read(SMALL.strip_suffix("3 1 3 9\n").unwrap()).unwrap();
+        assert_eq!(cut.warnings, ["1 bonds of the header are not there"]);
+        assert!(
+            message(&SMALL.replace("3 1 3 9", "3 1 x 9")).contains("wanted a bond, its type and two atoms")
+        );
     }
 
     #[test]

@@ -8,6 +8,7 @@
 
 mod numbers;
 
+use std::collections::HashMap;
 use std::path::Path;
 
 use rayon::prelude::*;
@@ -269,6 +270,7 @@ pub(crate) fn frame(
         title.rsplit_once("t=")?.1.split_whitespace().next()?.parse().ok()
     });
     let assemblies = assemblies(before(bytes));
+    let bonds = connections(bytes, start, &all.serials);
     let columns = Columns {
         positions,
         attributes: attributes(all),
@@ -276,6 +278,7 @@ pub(crate) fn frame(
         cell,
         time,
         length_unit: Some("Å".to_string()),
+        bonds,
     };
     let columns = match &request.options.assembly {
         Some(wanted) => assembly::apply(columns, &assemblies, wanted, "chain")?,
@@ -285,6 +288,24 @@ pub(crate) fn frame(
         }
     };
     finish(columns, conventions, Vec::new())
+}
+
+/// The bonds of the records CONECT from byte `start` on, between atoms with these serial numbers, as they are written. Numbers that come
+/// twice, as in files of too many atoms, name none.
+fn connections(bytes: &[u8], start: usize, serials: &[[u8; 5]]) -> Vec<[u32; 2]> {
+    let Some(first) = memchr::memmem::find(&bytes[start..], b"\nCONECT") else { return Vec::new() };
+    let mut places: HashMap<&[u8], Option<u32>> = HashMap::with_capacity(serials.len());
+    for (place, serial) in serials.iter().enumerate() {
+        places.entry(serial.trim_ascii()).and_modify(|it| *it = None).or_insert(Some(place as u32));
+    }
+    let place = |field: &[u8]| places.get(field).copied().flatten();
+    let mut bonds = Vec::new();
+    for (_, line) in lines(&bytes[start + first..]).filter(|(_, line)| line.starts_with(b"CONECT")) {
+        let Some(one) = place(field(line, 7, 11)) else { continue };
+        let others = [12, 17, 22, 27].into_iter().filter_map(|at| place(field(line, at, at + 4)));
+        bonds.extend(others.map(|other| [one, other]));
+    }
+    bonds
 }
 
 /// The columns; those that are empty everywhere are left out.
@@ -412,6 +433,22 @@ mod tests {
     fn read(text: &str, assembly: Option<&str>) -> Result<Vec<Frame>> {
         let options = Options { assembly: assembly.map(str::to_string), ..Options::default() };
         real_data::frames(&real_data::recognised(ATOMS.as_bytes()).open, text.as_bytes(), &options)
+    }
+
+    #[test]
+    fn connections_are_bonds_of_every_model_and_of_the_copies_of_an_assembly() {
+        let bonds = "CONECTA000199999A0000\nCONECT99999A0001\nCONECTA0001A0009\nEND\n";
+        let frames = read(&format!("{ATOMS}{bonds}"), None).unwrap();
+        assert_eq!(frames[0].particles.bonds(), [[0, 2], [1, 2]]);
+        let atoms = ATOMS.lines().skip(1).collect::<Vec<_>>().join("\n");
+        let models = format!("MODEL        1\n{atoms}\nENDMDL\nMODEL        2\n{atoms}\nENDMDL\n{bonds}");
+        let frames = read(&models, None).unwrap();
+        assert_eq!(frames.len(), 2);
+        assert!(frames.iter().all(|frame| frame.particles.bonds() == [[0, 2], [1, 2]]));
+        // Of chain A alone, twice: bonds within it.
+        let inside = "CONECT99999A0000A0001\n";
+        let assembly = read(&format!("{REMARKS}{ATOMS}{inside}"), Some("1")).unwrap();
+        assert_eq!(assembly[0].particles.bonds(), [[0, 1], [2, 3]]);
     }
 
     #[test]

@@ -127,6 +127,7 @@ pub(crate) fn frame(feed: &mut Feed, request: &Request, progress: &dyn Progress)
             .and_then(|it| it.parse().ok())
             .or_else(|| lammps_step(&comment)),
         length_unit: Some("Å".to_string()),
+        bonds: Vec::new(),
     };
     finish(columns, conventions, Vec::new())
 }

@@ -100,6 +100,7 @@ impl<'a> Contents<'a> {
             cell: about.cell.map(about::Cell::cell),
             time: about.time,
             length_unit: about.length_unit.clone(),
+            bonds: Vec::new(),
         };
         let entry =
             Entry { dropped: about.dropped.dropped(), places: self.places()?, bounds: about.bounds() };

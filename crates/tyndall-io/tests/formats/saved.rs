@@ -51,6 +51,7 @@ fn cloud(count: usize) -> Particles {
         }),
         time: Some(0.1 + 0.2),
         length_unit: Some("Å".into()),
+        bonds: Vec::new(),
     })
     .unwrap()
 }

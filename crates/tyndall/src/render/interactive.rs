@@ -111,7 +111,7 @@ impl Interactive {
     /// Takes a scene, to be seen by `camera`; `settings` are those of the finished picture. The processor makes the pictures, until
     /// they are moved to another device. Fails as [`super::Renderer::new`] does.
     pub fn new(scene: Scene, camera: Camera, settings: Settings) -> Result<Self> {
-        settings.check()?;
+        settings.check(&scene)?;
         let view = camera.view(scene.structure().origin(), settings.width, settings.height)?;
         Ok(Self {
             scene,
@@ -202,7 +202,7 @@ impl Interactive {
 
     /// Changes size, samples or seed of the finished picture. Fails if one is out of range.
     pub fn set(&mut self, settings: Settings) -> Result<()> {
-        settings.check()?;
+        settings.check(&self.scene)?;
         self.view = self.camera.view(self.scene.structure().origin(), settings.width, settings.height)?;
         self.settings = settings;
         self.restart(|_| ());
@@ -280,9 +280,11 @@ impl Interactive {
     pub fn pick(&self, x: u32, y: u32) -> Option<Pick> {
         let ray = self.view.ray(x as f32 + 0.5, y as f32 + 0.5);
         let structure = self.scene.structure();
-        let hit = structure.intersect(&ray, None)?;
-        let position = structure.origin() + (ray.origin + hit.t * ray.direction).as_dvec3();
-        Some(Pick { place: structure.place(hit.node), node: hit.node, depth: hit.t, position })
+        let particle = structure.intersect(&ray, None).map(|hit| (hit.t, hit.node));
+        let nearest = self.scene.bond_before(&ray, particle.map(|(depth, _)| depth)).or(particle);
+        let (depth, node) = nearest?;
+        let position = structure.origin() + (ray.origin + depth * ray.direction).as_dvec3();
+        Some(Pick { place: self.scene.place(node), node, depth, position })
     }
 
     /// Begins anew with the next picture; the device is told then.

@@ -76,8 +76,8 @@ impl Default for Settings {
 }
 
 impl Settings {
-    /// Fails with [`Error::Setting`] if a knob is out of range.
-    fn check(&self) -> Result<()> {
+    /// Fails with [`Error::Setting`] if a knob is out of range, or not for what `scene` shows.
+    fn check(&self, scene: &Scene) -> Result<()> {
         let Self { width, height, samples, .. } = *self;
         if !(1..=65536).contains(&width) || !(1..=65536).contains(&height) {
             return Err(Error::setting("size", format!("{width}x{height}"), "1x1 to 65536x65536 pixels"));
@@ -85,7 +85,15 @@ impl Settings {
         if samples == 0 {
             return Err(Error::setting("samples", samples, "at least 1 a pixel"));
         }
+        let replicated = scene.structure().replicas().is_some();
+        let bonded = scene.bonds().is_some();
         match &self.culling {
+            Culling::Confidence(_) if replicated || bonded => {
+                Err(Error::setting("culling", "confidence", "off or certified with bonds or periodic images"))
+            }
+            Culling::Certified(options) if replicated && options.coverage => {
+                Err(Error::setting("certified", "coverage", "without coverage with periodic images"))
+            }
             Culling::Off | Culling::Certified(_) => Ok(()),
             Culling::Confidence(options) => options.check(),
         }
@@ -109,7 +117,7 @@ pub struct Renderer<'a> {
 impl<'a> Renderer<'a> {
     /// A picture without samples yet. Fails with [`Error::Setting`] if a knob or the camera is out of range.
     pub fn new(scene: &'a Scene, camera: &Camera, settings: &Settings) -> Result<Self> {
-        settings.check()?;
+        settings.check(scene)?;
         let Settings { width, height, .. } = *settings;
         let view = camera.view(scene.structure().origin(), width, height)?;
         let film = Film::new(width, height);

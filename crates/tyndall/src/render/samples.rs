@@ -18,7 +18,7 @@ pub struct SampleBuffer {
     settings: Settings,
     film: Film,
     passes: Vec<Samples>,
-    particles: usize,
+    nodes: u32,
     level: Level,
 }
 
@@ -36,7 +36,7 @@ impl Renderer<'_> {
             settings: self.settings,
             film: self.film,
             passes: self.passes,
-            particles: self.scene.structure().len(),
+            nodes: self.scene.nodes(),
             level: self.level,
         })
     }
@@ -75,8 +75,8 @@ impl SampleBuffer {
     }
 
     fn passes<'a>(&self, scene: &'a Scene, film: &mut Film) -> Result<Vec<cpu::Pass<'a>>> {
-        let found = scene.structure().len();
-        if found != self.particles {
+        let found = scene.nodes();
+        if found != self.nodes {
             return Err(Error::setting("scene", found, "the particles that the samples met"));
         }
         let certified = self.settings.culling.certified();

@@ -72,19 +72,7 @@ fn described(radii: &Radii, attributes: &[Attribute]) -> String {
 }
 
 fn by_element(particles: &Particles, elements: &Elements, spacing: Option<f64>) -> (Radii, String) {
-    let (per_angstrom, unit) = match particles.length_unit().map(str::to_ascii_lowercase).as_deref() {
-        Some("nm" | "nanometer" | "nanometre") => (0.1, "nm"),
-        Some("bohr" | "a0") => (1.0 / 0.529_177_2, "bohr"),
-        Some("pm") => (100.0, "pm"),
-        Some("um" | "µm" | "micron") => (1e-4, "µm"),
-        Some("cm") => (1e-8, "cm"),
-        Some("m") => (1e-10, "m"),
-        Some("Å" | "a" | "angstrom" | "angstroms") => (1.0, "Å"),
-        _ if spacing.is_some_and(|spacing| spacing < LEAST_SPACING) => {
-            (0.1, "nm, as the atoms are so near each other")
-        }
-        _ => (1.0, "Å, as the file names no unit"),
-    };
+    let (per_angstrom, unit) = per_angstrom(particles, spacing);
     let of_value = |(element, is_site): (&Option<Element>, &bool)| match is_site {
         true => SITE_RADIUS,
         false => element.and_then(Element::radius).unwrap_or(UNKNOWN_RADIUS),
@@ -103,6 +91,23 @@ fn by_element(particles: &Particles, elements: &Elements, spacing: Option<f64>) 
         text += &format!("; sites of charge have {SITE_RADIUS} Å");
     }
     (Radii::PerType { attribute: elements.attribute, radii }, text)
+}
+
+/// What an Å is in the unit of the positions, and how that was found; `spacing` is the usual distance of neighbors.
+pub(super) fn per_angstrom(particles: &Particles, spacing: Option<f64>) -> (f32, &'static str) {
+    match particles.length_unit().map(str::to_ascii_lowercase).as_deref() {
+        Some("nm" | "nanometer" | "nanometre") => (0.1, "nm"),
+        Some("bohr" | "a0") => (1.0 / 0.529_177_2, "bohr"),
+        Some("pm") => (100.0, "pm"),
+        Some("um" | "µm" | "micron") => (1e-4, "µm"),
+        Some("cm") => (1e-8, "cm"),
+        Some("m") => (1e-10, "m"),
+        Some("Å" | "a" | "angstrom" | "angstroms") => (1.0, "Å"),
+        _ if spacing.is_some_and(|spacing| spacing < LEAST_SPACING) => {
+            (0.1, "nm, as the atoms are so near each other")
+        }
+        _ => (1.0, "Å, as the file names no unit"),
+    }
 }
 
 /// The box that a camera should show.

@@ -38,6 +38,15 @@ const WEIGHTS: [f64; 98] = [
     196.97, 200.59, 204.38, 207.2, 208.98, 209.0, 210.0, 222.0, 223.0, 226.0, 227.0, 232.04, 231.04, 238.03,
     237.0, 244.0, 243.0, 247.0, 247.0, 251.0,
 ];
+/// Covalent radii in Å by atomic number from 1 to 96: Cordero et al., Dalton Trans., 2832 (2008); of carbon sp3, of Mn, Fe and Co low spin.
+const COVALENT_RADII: [f64; 96] = [
+    0.31, 0.28, 1.28, 0.96, 0.84, 0.76, 0.71, 0.66, 0.57, 0.58, 1.66, 1.41, 1.21, 1.11, 1.07, 1.05, 1.02,
+    1.06, 2.03, 1.76, 1.70, 1.60, 1.53, 1.39, 1.39, 1.32, 1.26, 1.24, 1.32, 1.22, 1.22, 1.20, 1.19, 1.20,
+    1.20, 1.16, 2.20, 1.95, 1.90, 1.75, 1.64, 1.54, 1.47, 1.46, 1.42, 1.39, 1.45, 1.44, 1.42, 1.39, 1.39,
+    1.38, 1.39, 1.40, 2.44, 2.15, 2.07, 2.04, 2.03, 2.01, 1.99, 1.98, 1.98, 1.96, 1.94, 1.92, 1.92, 1.89,
+    1.90, 1.87, 1.87, 1.75, 1.70, 1.62, 1.51, 1.44, 1.41, 1.36, 1.36, 1.32, 1.45, 1.46, 1.48, 1.40, 1.50,
+    1.50, 2.60, 2.21, 2.15, 2.06, 2.00, 1.96, 1.90, 1.87, 1.80, 1.69,
+];
 /// Names of attributes that hold elements by symbol, best first.
 const SYMBOL_NAMES: [&str; 5] = ["element", "elements", "species", "symbol", "symbols"];
 /// Names of attributes that may hold a biomolecule's atom names (`CA`, `HW1`) or symbols.
@@ -132,6 +141,11 @@ impl Element {
     /// The van der Waals radius in Å; `None` where none is known.
     pub fn radius(self) -> Option<f32> {
         self.row().2.parse().ok()
+    }
+
+    /// Its covalent radius in Å; `None` beyond curium.
+    pub fn covalent_radius(self) -> Option<f64> {
+        COVALENT_RADII.get(self.number as usize - 1).copied()
     }
 
     fn row(self) -> (&'static str, &'static str, &'static str) {

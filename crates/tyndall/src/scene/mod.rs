@@ -2,6 +2,7 @@
 
 mod amounts;
 pub mod automatic;
+pub mod bonding;
 pub mod camera;
 pub mod camera_path;
 pub mod color;
@@ -25,11 +26,16 @@ pub mod subset;
 pub mod viewpoint;
 pub mod wanted;
 
+use crate::error::{Error, Result};
+use crate::math::Ray;
 use crate::structure::Structure;
+use crate::structure::bonds::{Bonds, Segment};
+use crate::structure::replicas::Replicas;
 use crate::structure::selection::Column;
 #[cfg(feature = "gpu")]
 use color::ColorColumn;
 use color::ParticleColors;
+use glam::Vec3;
 use light::Lighting;
 use select::Selectable;
 pub use statistics::{grouped, short};
@@ -43,6 +49,7 @@ pub struct Scene {
     structure: Structure,
     /// By node.
     colors: ParticleColors,
+    bonds: Option<Bonds>,
     /// Quantities that filters may ask for.
     selectables: Vec<Selectable<Column>>,
 }
@@ -56,7 +63,7 @@ impl Scene {
         background: Option<[f32; 3]>,
     ) -> Self {
         let colors = colors.arranged(structure.ids());
-        Self { lighting, background, structure, colors, selectables: Vec::new() }
+        Self { lighting, background, structure, colors, bonds: None, selectables: Vec::new() }
     }
 
     /// The particles.
@@ -80,6 +87,72 @@ impl Scene {
         self.structure
     }
 
+    /// Shows periodic images too: see [`Structure::replicate`].
+    pub fn replicate(&mut self, replicas: &Replicas) -> Result<()> {
+        self.structure.replicate(replicas)
+    }
+
+    /// Joins particles by cylinders of that radius, between what the ids of `segments` name. Fails as [`Bonds::new`] does, and if there are
+    /// too many nodes.
+    pub fn bond(&mut self, segments: &[Segment], radius: f32) -> Result<()> {
+        let mut bonds = Bonds::new(&self.structure, segments, radius)?;
+        let nodes =
+            u64::from(self.structure.images()) * (self.structure.len() as u64 + u64::from(bonds.nodes()));
+        if nodes + self.structure.len() as u64 > 1 << 32 {
+            return Err(Error::setting(
+                "--bonds",
+                bonds.len(),
+                "fewer bonds, or images: 2^32 parts of both in all",
+            ));
+        }
+        bonds.show(&self.structure)?;
+        self.bonds = Some(bonds).filter(|bonds| !bonds.is_empty());
+        Ok(())
+    }
+
+    /// The bonds, if there are any.
+    #[inline(always)]
+    pub(crate) fn bonds(&self) -> Option<&Bonds> {
+        self.bonds.as_ref()
+    }
+
+    /// How many nodes particles and bonds have, in all images.
+    pub(crate) fn nodes(&self) -> u32 {
+        let bonds = self.bonds.as_ref().map_or(0, Bonds::nodes);
+        self.structure.nodes() + self.structure.images() * bonds
+    }
+
+    /// The bond's node, counted from 0, that a node behind those of the particles is, and by how much its image is moved.
+    #[inline(always)]
+    pub(crate) fn locate_bond(&self, node: u32) -> Option<(&Bonds, u32, Vec3)> {
+        let bonds = self.bonds.as_ref()?;
+        let node = node.checked_sub(self.structure.nodes())?;
+        Some((bonds, node % bonds.nodes(), self.structure.shift(node / bonds.nodes())))
+    }
+
+    /// Depth and node of the first bond that a ray meets before `depth`; every bond of every image is tried.
+    pub(crate) fn bond_before(&self, ray: &Ray, depth: Option<f32>) -> Option<(f32, u32)> {
+        let bonds = self.bonds.as_ref()?;
+        let mut best: Option<(f32, u32)> = None;
+        for image in 0..self.structure.images() {
+            let t_max =
+                best.map(|(depth, _)| depth).or(depth).map_or(ray.t_max, |depth| depth.min(ray.t_max));
+            let moved = Ray { origin: ray.origin - self.structure.shift(image), t_max, ..*ray };
+            let first_node = self.structure.nodes() + image * bonds.nodes();
+            best = bonds.intersect(&moved).map(|(depth, node)| (depth, first_node + node)).or(best);
+        }
+        best
+    }
+
+    /// The place in the file of the particle at a node, or of that to which half of a bond belongs.
+    #[inline(always)]
+    pub(crate) fn place(&self, node: u32) -> u64 {
+        match self.locate_bond(node) {
+            Some((bonds, half, _)) => self.structure.place(bonds.owner(half)),
+            None => self.structure.place(node),
+        }
+    }
+
     /// Scales all radii: see [`Structure::scale_radii`].
     pub fn scale_radii(&mut self, scale: f32) {
         self.structure.scale_radii(scale);
@@ -91,7 +164,7 @@ impl Scene {
         self.colors.column()
     }
 
-    /// The color of the particle at `node`: linear RGB, 0 to 1.
+    /// The color of the particle at `node`, without images: linear RGB, 0 to 1.
     #[inline(always)]
     pub(crate) fn color(&self, node: u32) -> [f32; 3] {
         self.colors.color(node as usize)

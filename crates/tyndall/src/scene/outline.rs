@@ -12,6 +12,7 @@ use super::camera::corners;
 use super::statistics::sampled_ids;
 use crate::math::Bounds;
 use crate::structure::Spheres;
+use crate::structure::replicas::Replicas;
 
 /// At most so many particles are looked at; the few that stick out further are within the picture's margin.
 const SAMPLES: usize = 300_000;
@@ -65,6 +66,14 @@ impl Outline {
         let reached = best.into_iter().filter(|(reach, _)| reach.is_finite());
         let points: Vec<DVec3> = reached.map(|(_, point)| origin + point.as_dvec3()).collect();
         if points.is_empty() { whole } else { Self { points, ..whole } }
+    }
+
+    /// Of periodic images of what it is the outline of.
+    pub fn replicated(&self, replicas: &Replicas) -> Self {
+        let corners = replicas.corners();
+        let middle = corners.iter().sum::<DVec3>() / corners.len() as f64;
+        let points = corners.iter().flat_map(|shift| self.points.iter().map(move |point| *point + *shift));
+        Self { center: self.center + middle, points: points.collect() }
     }
 
     /// With all places where the points come when turned around the axis through the center.

@@ -319,7 +319,11 @@ impl Scene {
         let found: Vec<_> = filters.iter().map(|it| rule(&self.selectables, it)).collect::<Result<_>>()?;
         let within = found.iter().map(|(column, intervals)| Rule::Within(column, intervals));
         let rules: Vec<Rule> = within.chain(half_spaces.iter().copied().map(Rule::HalfSpace)).collect();
-        Ok(self.structure.show(&rules))
+        let shown = self.structure.show(&rules);
+        if let Some(bonds) = &mut self.bonds {
+            bonds.show(&self.structure)?;
+        }
+        Ok(shown)
     }
 
     /// Why no particle is shown, after [`Scene::select`] returned 0: the filter or clip that keeps none alone, if there is one. Shows all

@@ -153,13 +153,14 @@ pub fn why_unseen(structure: &Structure, dropped: u64, view: &View) -> String {
             _ => format!("0 particles: all {} of the frame were dropped", grouped(dropped as usize)),
         };
     }
-    let largest = (0..all as u32)
+    let largest = (0..structure.nodes())
         .into_par_iter()
         .filter(|&node| structure.shows(node))
         .filter_map(|node| size_in_view(structure.sphere(node), view));
     let (count, largest) = largest
         .fold(|| (0, 0.0_f64), |a, px| (a.0 + 1, a.1.max(px)))
         .reduce(|| (0, 0.0), |a, b| (a.0 + b.0, a.1.max(b.1)));
+    let all = structure.nodes() as usize;
     let shown = (0..all as u32).into_par_iter().filter(|&node| structure.shows(node)).count();
     let all =
         if shown < all { format!("{} shown of {}", grouped(shown), grouped(all)) } else { grouped(all) };

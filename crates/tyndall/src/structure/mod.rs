@@ -4,10 +4,12 @@
 //! its node, besides its id. All structures answer with the same formula, [`crate::math::enter_sphere`], so that they agree
 //! bit for bit. Where two particles are entered at the same distance, the one with the smaller id counts.
 
+pub mod bonds;
 mod build;
 pub mod bvh;
 pub(crate) mod heap;
 pub mod pkd;
+pub mod replicas;
 pub mod saved;
 mod search;
 pub mod selection;
@@ -23,6 +25,7 @@ use crate::particles::{Particles, Radii};
 use crate::progress::Progress;
 use crate::source::Source;
 use build::{Record, records};
+use replicas::{Nearest, Replica, ReplicaTree, Replicas};
 use search::{Every, Observer, Search};
 #[cfg(feature = "gpu")]
 use selection::Bits;
@@ -133,6 +136,7 @@ pub struct Structure {
     origin: DVec3,
     /// By id, where some particles of the file were dropped.
     places: Option<Frozen<u64>>,
+    replicas: Option<ReplicaTree>,
 }
 
 /// The structures. `Brute` is the oracle for tests.
@@ -177,6 +181,7 @@ impl Structure {
                     origin,
                     places: particles.into_places(),
                     store: arrange(kind, records, radius, progress)?,
+                    replicas: None,
                 }
             }
             None => {
@@ -185,6 +190,7 @@ impl Structure {
                     origin,
                     places: particles.into_places(),
                     store: arrange(kind, records, 0.0, progress)?,
+                    replicas: None,
                 }
             }
         })
@@ -195,7 +201,7 @@ impl Structure {
     pub(crate) fn of_hierarchy(bvh: Bvh, particles: Particles, radii: &Radii, radius_scale: f32) -> Self {
         let bvh = bvh.measured(Spheres { particles: &particles, radii, radius_scale });
         let origin = particles.positions().origin();
-        Self { origin, places: particles.into_places(), store: Store::Bvh(bvh) }
+        Self { origin, places: particles.into_places(), store: Store::Bvh(bvh), replicas: None }
     }
 
     /// Arranges spheres of one radius that are read part by part, in a hierarchy: see [`Bvh::stream`]. Centers are offsets from
@@ -208,7 +214,7 @@ impl Structure {
         progress: &dyn Progress,
     ) -> Result<(Self, u64)> {
         let (bvh, dropped) = Bvh::stream(source, radius, packing, AT_ONCE, progress)?;
-        Ok((Self { store: Store::Bvh(bvh), origin, places: None }, dropped))
+        Ok((Self { store: Store::Bvh(bvh), origin, places: None, replicas: None }, dropped))
     }
 
     /// From now on shows only particles that fulfill all rules; without rules, all. What is not shown is met by no ray and casts no
@@ -230,30 +236,71 @@ impl Structure {
         };
     }
 
+    /// From now on has these images besides the particles themselves, without copies of them: every image gives every particle another
+    /// node, from [`Structure::len`] times the image's number on. What is shown, and its radii, are the same in all images.
+    ///
+    /// Fails with [`Error::Setting`](crate::Error::Setting) if there are 2^32 nodes or more.
+    pub fn replicate(&mut self, replicas: &Replicas) -> Result<()> {
+        self.replicas =
+            if replicas.count() == 1 { None } else { Some(ReplicaTree::new(replicas, self.len())?) };
+        Ok(())
+    }
+
+    /// The images, if there are several.
+    #[inline(always)]
+    pub(crate) fn replicas(&self) -> Option<&ReplicaTree> {
+        self.replicas.as_ref()
+    }
+
     /// The particle that `ray` enters first, not counting the one at node `except`.
     pub fn intersect(&self, ray: &Ray, except: Option<u32>) -> Option<Hit> {
-        each_store!(&self.store, store => store.intersect(ray, except))
+        let Some(replicas) = &self.replicas else {
+            return each_store!(&self.store, store => store.intersect(ray, except));
+        };
+        let ask = |ray: &Ray, replica: Replica| {
+            let except = except.and_then(|node| node.checked_sub(replica.first_node));
+            each_store!(&self.store, store => store.intersect(ray, except))
+        };
+        Nearest::new(replicas, ray, ask).found(&self.own_bounds())
     }
 
     /// As [`Structure::intersect`], and counts in `visits` what that took.
     pub fn intersect_counted(&self, ray: &Ray, visits: &mut Visits) -> Option<Hit> {
-        each_store!(&self.store, store => store.search(Search::observed(ray, visits)))
+        let Some(replicas) = &self.replicas else {
+            return each_store!(&self.store, store => store.search(Search::observed(ray, visits)));
+        };
+        let ask = |ray: &Ray, _| each_store!(&self.store, store => store.search(Search::observed(ray, &mut *visits)));
+        Nearest::new(replicas, ray, ask).found(&self.own_bounds())
     }
 
-    /// Calls `met` with distance and node of every particle that `ray` enters, in no order, and returns the first one along it.
+    /// Calls `met` with distance and node of every particle that `ray` enters, in no order, and returns the first one along it. Of images
+    /// of the structure only the particles themselves are asked.
     pub fn hits(&self, ray: &Ray, met: &mut dyn FnMut(f32, u32)) -> Option<Hit> {
         each_store!(&self.store, store => store.search(Search::observed(ray, Every(met))))
     }
 
     /// Whether `ray` enters any particle but the one at node `except`.
     pub fn occluded(&self, ray: &Ray, except: Option<u32>) -> bool {
-        each_store!(&self.store, store => store.occluded(ray, except))
+        let Some(replicas) = &self.replicas else {
+            return each_store!(&self.store, store => store.occluded(ray, except));
+        };
+        let ask = |ray: &Ray, replica: Replica| {
+            let except = except.and_then(|node| node.checked_sub(replica.first_node));
+            each_store!(&self.store, store => store.occluded(ray, except))
+        };
+        replicas.meets_any(&self.own_bounds(), ray, ask)
+    }
+
+    /// The node, in the particles themselves, of the particle whose image is at `node`.
+    #[inline(always)]
+    pub(crate) fn original(&self, node: u32) -> u32 {
+        self.replicas.as_ref().map_or(node, |replicas| replicas.locate(node).0)
     }
 
     /// Whether the particle at `node` is shown: see [`Structure::show`].
     #[inline(always)]
     pub fn shows(&self, node: u32) -> bool {
-        each_store!(&self.store, store => store.shows(node))
+        each_store!(&self.store, store => store.shows(self.original(node)))
     }
 
     /// What is shown, where that is not all, for a device that walks the structure; none walks `brute`.
@@ -267,9 +314,25 @@ impl Structure {
         }
     }
 
-    /// How many particles there are; nodes count from 0 to this.
+    /// How many particles there are.
     pub fn len(&self) -> usize {
         self.ids().len()
+    }
+
+    /// How many images of the particles there are, themselves included.
+    pub fn images(&self) -> u32 {
+        self.replicas.as_ref().map_or(1, ReplicaTree::count)
+    }
+
+    /// By how much an image is moved.
+    #[inline(always)]
+    pub(crate) fn shift(&self, image: u32) -> Vec3 {
+        self.replicas.as_ref().map_or(Vec3::ZERO, |replicas| replicas.shift(image))
+    }
+
+    /// Nodes count from 0 to this: the particles, times the images.
+    pub fn nodes(&self) -> u32 {
+        self.len() as u32 * self.images()
     }
 
     /// Whether there are none.
@@ -280,17 +343,26 @@ impl Structure {
     /// Center and radius of the particle at `node`.
     #[inline(always)]
     pub fn sphere(&self, node: u32) -> (Vec3, f32) {
+        let Some(replicas) = &self.replicas else { return self.own_sphere(node) };
+        let (original, shift) = replicas.locate(node);
+        let (center, radius) = self.own_sphere(original);
+        (center + shift, radius)
+    }
+
+    /// The same without images.
+    #[inline(always)]
+    pub(crate) fn own_sphere(&self, node: u32) -> (Vec3, f32) {
         each_store!(&self.store, store => store.sphere(node))
     }
 
-    /// By node the ids of the particles: their places among those that the structure was built from.
+    /// By node the ids of the particles, without images: their places among those that the structure was built from.
     pub fn ids(&self) -> &[u32] {
         each_store!(&self.store, store => store.ids())
     }
 
     /// The place in the file of the particle at `node`, counted from 0 and with those that were dropped.
     pub fn place(&self, node: u32) -> u64 {
-        let id = self.ids()[node as usize];
+        let id = self.ids()[self.original(node) as usize];
         self.places.as_ref().and_then(|places| places.get(id as usize).copied()).unwrap_or(id.into())
     }
 
@@ -299,8 +371,17 @@ impl Structure {
         self.origin
     }
 
-    /// The box of all particles, radii included.
+    /// The box of all particles, radii included, in all images.
     pub fn bounds(&self) -> Bounds {
+        let bounds = self.own_bounds();
+        match &self.replicas {
+            Some(replicas) if !bounds.is_empty() => replicas.around(&bounds),
+            _ => bounds,
+        }
+    }
+
+    /// The box of the particles themselves.
+    pub(crate) fn own_bounds(&self) -> Bounds {
         each_store!(&self.store, store => store.bounds())
     }
 

@@ -76,7 +76,7 @@ impl Structure {
             Kind::Treelets(options) => Store::Treelets(Treelets::restore(facts, options, arrays)?),
             Kind::Brute => return Err(("", "brute force has no structure".into())),
         };
-        Ok(Self { store, origin, places })
+        Ok(Self { store, origin, places, replicas: None })
     }
 }
 

@@ -276,6 +276,7 @@ fn make(plan: Plan, count: u64, radius: Option<f32>, progress: &dyn Progress) ->
         cell: plan.cell,
         time: None,
         length_unit: plan.length_unit.map(String::from),
+        bonds: Vec::new(),
     })
 }
 

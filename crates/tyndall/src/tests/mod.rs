@@ -1,10 +1,12 @@
 //! Tests that look inside: structures and kernels against brute force, on random and on degenerate scenes.
 
+mod bonds;
 mod certified;
 mod culling;
 mod interactive;
 mod oracle;
 mod relight;
+mod replicas;
 pub(crate) mod scenes;
 mod selection;
 #[cfg(feature = "gpu")]

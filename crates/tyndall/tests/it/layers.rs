@@ -8,12 +8,13 @@ const GROUND: [&str; 10] =
     ["curve", "error", "frozen", "math", "pages", "progress", "random", "simd", "source", "srgb"];
 
 /// A module and what it may know besides the ground.
-const ARROWS: [(&str, &[&str]); 7] = [
+const ARROWS: [(&str, &[&str]); 8] = [
     ("particles", &[]),
     ("film", &[]),
+    ("periodic", &["particles"]),
     ("synthetic", &["particles"]),
     ("structure", &["particles"]),
-    ("scene", &["structure", "particles"]),
+    ("scene", &["structure", "periodic", "particles"]),
     ("medium", &["particles"]),
     ("render", &["scene", "medium", "structure", "particles", "film"]),
 ];

@@ -132,6 +132,10 @@ pub fn particles(
         for k in 0..count {
             let whole = frame(k).and_then(|particles| {
                 let snapshot = Snapshot::new(&particles, fields)?;
+                let left_out = "bonds are left out: no format that is written has them".to_string();
+                if !particles.bonds().is_empty() && !notes.contains(&left_out) {
+                    notes.push(left_out);
+                }
                 if let Some([low, high]) = particles.world_bounds() {
                     let [least, greatest] = bounds.unwrap_or([low, high]);
                     bounds = Some([

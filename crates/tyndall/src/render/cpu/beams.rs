@@ -95,6 +95,11 @@ impl Spans {
         under & packets
     }
 
+    /// The depth of the first of all points along the direction.
+    pub(super) fn nearest(&self) -> f32 {
+        self.first.iter().copied().fold(f32::INFINITY, f32::min)
+    }
+
     /// Of one packet.
     #[inline(always)]
     fn of_packet(&self, packet: usize) -> Span {

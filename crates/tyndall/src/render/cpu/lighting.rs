@@ -9,7 +9,9 @@ use fearless_simd_macros::simd;
 use glam::Vec3;
 
 use super::beams::{self, Spans};
+use super::bonds;
 use super::hits::PACKETS;
+use super::replicas::{Moved, Replicated, shadow_of_images};
 use super::shadows::{self, Light};
 use super::surfaces::Layer;
 use super::tiles::RAYS;
@@ -17,6 +19,7 @@ use super::{FILM_PIXELS, Pass};
 use crate::math::Ray;
 use crate::render::certified::Counts;
 use crate::simd::Lanes3;
+use crate::structure::bvh::Bvh;
 use crate::structure::{Store, Structure};
 
 /// Cells along each of the two axes by which surfaces are sorted.
@@ -29,14 +32,16 @@ const MOST_OVERLAP: f32 = 2.0;
 /// The surfaces that face a light, and what is needed to find out which of them see it.
 pub(super) struct Lit {
     /// By packet a bit for each lane that faces the light, and, in the end, sees it.
-    lanes: [u16; PACKETS],
+    pub(super) lanes: [u16; PACKETS],
     /// The cosine between normal and direction.
     cosine: [[f32; RAYS]; PACKETS],
     /// By axis, across, across and along the direction.
-    at: [[[f32; RAYS]; 3]; PACKETS],
+    pub(super) at: [[[f32; RAYS]; 3]; PACKETS],
     sorted: Sorted,
     beam_stack: Vec<beams::Entry>,
-    shadow_stack: Vec<shadows::Entry>,
+    pub(super) shadow_stack: Vec<shadows::Entry>,
+    /// What an image sees of the surfaces, where there are images.
+    pub(super) moved: Option<Box<Moved>>,
 }
 
 /// Surfaces in new packets.
@@ -66,6 +71,7 @@ impl Lit {
             },
             beam_stack: Vec::new(),
             shadow_stack: Vec::new(),
+            moved: None,
         })
     }
 }
@@ -80,40 +86,29 @@ pub(super) fn gather<S: Simd>(
     scratch: &mut Lit,
     counts: &mut Counts,
 ) {
-    let Some(light) = find_facing(simd, layer, toward, scratch) else { return };
-    match &pass.scene.structure().store {
-        Store::Bvh(bvh) if pass.certified.light_bounds => {
-            for lanes in scratch.lanes {
-                counts.light_points += u64::from(lanes.count_ones());
-            }
-            let spans = Spans::of(simd, &scratch.at, &scratch.lanes);
-            if spans.overlap < MOST_OVERLAP {
-                let points = beams::Points { position: &layer.position, at: &scratch.at, on: &layer.node };
-                let (lit, stack) = (&mut scratch.lanes, &mut scratch.beam_stack);
-                beams::shadow(simd, bvh, &light, points, spans, lit, stack, counts);
-            } else {
-                scratch.sorted.sort(layer, &scratch.at, &scratch.lanes, &spans);
-                let sorted = &mut scratch.sorted;
-                let points = beams::Points { position: &sorted.position, at: &sorted.at, on: &sorted.on };
-                let spans = Spans::of(simd, points.at, &sorted.lanes);
-                let (lit, stack) = (&mut sorted.lanes, &mut scratch.beam_stack);
-                beams::shadow(simd, bvh, &light, points, spans, lit, stack, counts);
-                sorted.put_back(&mut scratch.lanes);
-            }
+    find_facing(simd, layer, toward, scratch);
+    let structure = pass.scene.structure();
+    let replicated = Replicated::of(pass.scene);
+    if let Store::Bvh(bvh) = &structure.store {
+        if pass.certified.light_bounds {
+            counts.light_points +=
+                scratch.lanes.iter().map(|lanes| u64::from(lanes.count_ones())).sum::<u64>();
         }
-        Store::Bvh(bvh) => {
-            let spans = Spans::of(simd, &scratch.at, &scratch.lanes);
-            scratch.sorted.sort(layer, &scratch.at, &scratch.lanes, &spans);
-            let sorted = &mut scratch.sorted;
-            for packet in 0..sorted.count.div_ceil(RAYS) {
-                let points = shadows::Points { position: &sorted.position[packet], on: &sorted.on[packet] };
-                let all = u32::from(sorted.lanes[packet]);
-                let lit = shadows::unoccluded(simd, bvh, toward, &points, all, &mut scratch.shadow_stack);
-                sorted.lanes[packet] = lit as u16;
-            }
-            sorted.put_back(&mut scratch.lanes);
+        if replicated.is_none() {
+            let surfaces = Surfaces { position: &layer.position, on: &layer.node };
+            shadow(simd, bvh, pass, toward, surfaces, scratch, counts);
         }
-        _ => ask_single_rays(pass.scene.structure(), toward, layer, &mut scratch.lanes),
+    } else {
+        ask_single_rays(structure, toward, layer, &mut scratch.lanes);
+    }
+    match (replicated, pass.scene.bonds()) {
+        (Some(replicated), _) => shadow_of_images(simd, replicated, pass, toward, layer, scratch, counts),
+        (None, Some(bonds)) => {
+            let surfaces = Surfaces { position: &layer.position, on: &layer.node };
+            let bonds = (bonds, structure.nodes());
+            bonds::shadow(simd, bonds, toward, surfaces, &mut scratch.lanes, &mut scratch.shadow_stack);
+        }
+        (None, None) => {}
     }
 
     let zero = f32x16::splat(simd, 0.0);
@@ -127,33 +122,88 @@ pub(super) fn gather<S: Simd>(
     }
 }
 
-/// Finds which surfaces face the light, and where they lie along and across it; none if none does.
+/// Surfaces by packet: where they are in space, and the nodes of the particles on which they lie.
+#[derive(Clone, Copy)]
+pub(super) struct Surfaces<'a> {
+    pub(super) position: &'a [[[f32; RAYS]; 3]; PACKETS],
+    pub(super) on: &'a [[u32; RAYS]; PACKETS],
+}
+
+/// Clears the lanes of surfaces that do not see past every particle in direction `toward`.
 #[inline(always)]
-fn find_facing<S: Simd>(simd: S, layer: &Layer, toward: Vec3, scratch: &mut Lit) -> Option<Light> {
+pub(super) fn shadow<S: Simd>(
+    simd: S,
+    bvh: &Bvh,
+    pass: &Pass,
+    toward: Vec3,
+    surfaces: Surfaces,
+    scratch: &mut Lit,
+    counts: &mut Counts,
+) {
+    let Some(light) = place(simd, surfaces.position, toward, scratch) else { return };
+    let spans = Spans::of(simd, &scratch.at, &scratch.lanes);
+    if pass.certified.light_bounds {
+        if spans.overlap < MOST_OVERLAP {
+            let points = beams::Points { position: surfaces.position, at: &scratch.at, on: surfaces.on };
+            let (lit, stack) = (&mut scratch.lanes, &mut scratch.beam_stack);
+            beams::shadow(simd, bvh, &light, points, spans, lit, stack, counts);
+        } else {
+            scratch.sorted.sort(surfaces, &scratch.at, &scratch.lanes, &spans);
+            let sorted = &mut scratch.sorted;
+            let points = beams::Points { position: &sorted.position, at: &sorted.at, on: &sorted.on };
+            let spans = Spans::of(simd, points.at, &sorted.lanes);
+            let (lit, stack) = (&mut sorted.lanes, &mut scratch.beam_stack);
+            beams::shadow(simd, bvh, &light, points, spans, lit, stack, counts);
+            sorted.put_back(&mut scratch.lanes);
+        }
+    } else {
+        scratch.sorted.sort(surfaces, &scratch.at, &scratch.lanes, &spans);
+        let sorted = &mut scratch.sorted;
+        for packet in 0..sorted.count.div_ceil(RAYS) {
+            let points = shadows::Points { position: &sorted.position[packet], on: &sorted.on[packet] };
+            let all = u32::from(sorted.lanes[packet]);
+            let lit = shadows::unoccluded(simd, bvh, toward, &points, all, &mut scratch.shadow_stack);
+            sorted.lanes[packet] = lit as u16;
+        }
+        sorted.put_back(&mut scratch.lanes);
+    }
+}
+
+/// Finds which surfaces face the light.
+#[inline(always)]
+fn find_facing<S: Simd>(simd: S, layer: &Layer, toward: Vec3, scratch: &mut Lit) {
     let direction = Lanes3::splat(simd, toward);
-    let mut one = None;
     for packet in 0..PACKETS {
         scratch.lanes[packet] = 0;
         if layer.hits[packet] != 0 {
             let cosine = Lanes3::load(simd, &layer.normal[packet]).dot(direction);
             let lanes = cosine.simd_gt(f32x16::splat(simd, 0.0)).to_bitmask() as u16 & layer.hits[packet];
             if lanes != 0 {
-                one.get_or_insert((packet, lanes.trailing_zeros() as usize));
                 scratch.lanes[packet] = lanes;
                 cosine.store_array(&mut scratch.cosine[packet]);
             }
         }
     }
+}
 
-    let (packet, lane) = one?;
-    let [x, y, z] = &layer.position[packet];
+/// Finds where the surfaces that are still lit lie along and across the light; none if there are none.
+#[inline(always)]
+pub(super) fn place<S: Simd>(
+    simd: S,
+    position: &[[[f32; RAYS]; 3]; PACKETS],
+    toward: Vec3,
+    scratch: &mut Lit,
+) -> Option<Light> {
+    let first = scratch.lanes.iter().position(|&lanes| lanes != 0)?;
+    let lane = scratch.lanes[first].trailing_zeros() as usize;
+    let [x, y, z] = &position[first];
     let mut light = Light::new(toward, Vec3::new(x[lane], y[lane], z[lane]), 0.0);
     let origin = Lanes3::splat(simd, light.origin);
     let mut farthest = f32x16::splat(simd, 0.0);
-    for packet in 0..PACKETS {
+    for (packet, position) in position.iter().enumerate().skip(first) {
         if scratch.lanes[packet] != 0 {
             let lanes = mask32x16::from_bitmask(simd, u64::from(scratch.lanes[packet]));
-            let offset = Lanes3::load(simd, &layer.position[packet]).minus(origin);
+            let offset = Lanes3::load(simd, position).minus(origin);
             let largest = offset.x.abs().max(offset.y.abs()).max(offset.z.abs());
             farthest = lanes.select(farthest.max(largest), farthest);
             light.project(simd, offset).store(&mut scratch.at[packet]);
@@ -167,7 +217,7 @@ impl Sorted {
     /// Takes the surfaces in the masks `lanes`, by cells along a Morton curve across the light.
     fn sort(
         &mut self,
-        layer: &Layer,
+        surfaces: Surfaces,
         at: &[[[f32; RAYS]; 3]; PACKETS],
         lanes: &[u16; PACKETS],
         spans: &Spans,
@@ -202,9 +252,9 @@ impl Sorted {
             self.place[to] = place;
             let (packet, lane) = (place as usize / RAYS, place as usize % RAYS);
             let (to_packet, to_lane) = (to / RAYS, to % RAYS);
-            put(&mut self.position[to_packet], to_lane, &layer.position[packet], lane);
+            put(&mut self.position[to_packet], to_lane, &surfaces.position[packet], lane);
             put(&mut self.at[to_packet], to_lane, &at[packet], lane);
-            self.on[to_packet][to_lane] = layer.node[packet][lane];
+            self.on[to_packet][to_lane] = surfaces.on[packet][lane];
         }
         self.count = count;
         for (packet, lanes) in self.lanes.iter_mut().enumerate() {

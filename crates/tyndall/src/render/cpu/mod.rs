@@ -4,6 +4,7 @@
 //! hierarchy, a ray each for other structures), then lights it, sixteen neighboring pixels at a time.
 
 mod beams;
+mod bonds;
 mod clip;
 mod confidence;
 mod coverage;
@@ -12,6 +13,7 @@ mod hits;
 mod lighting;
 pub(super) mod normals;
 mod pass;
+mod replicas;
 mod shadows;
 mod surfaces;
 mod tiles;
@@ -38,6 +40,7 @@ pub(crate) use films::Films;
 use hits::{Hits, PACKET_EDGE, PACKETS, pixel_of};
 use lighting::Lit;
 pub(crate) use pass::Pass;
+use replicas::Replicated;
 use surfaces::{Layer, Met, look_up};
 use tiles::{BLOCKS, Beam, EDGE, Entry, Memory, RAYS, Tile, block_at};
 
@@ -163,7 +166,7 @@ impl Film {
                         depth[at] = tile.depth[pixel];
                         id[at] = if depth[at] < f32::INFINITY {
                             if tile.node[pixel] != last.0 {
-                                last = (tile.node[pixel], scene.structure().place(tile.node[pixel]) as i64);
+                                last = (tile.node[pixel], scene.place(tile.node[pixel]) as i64);
                             }
                             last.1
                         } else {
@@ -180,6 +183,8 @@ impl Film {
 struct Scratch {
     tile: Box<Tile>,
     stack: Vec<Entry>,
+    /// The rays of a tile, where images see them from elsewhere.
+    rays: Box<replicas::Rays>,
     /// By tile of the film tile, where they serve the next pass.
     memories: Vec<Memory>,
     /// Whether they are empty yet.
@@ -304,6 +309,7 @@ impl Scratch {
         Self {
             tile: Tile::new(),
             stack: Vec::new(),
+            rays: bytemuck::zeroed_box(),
             memories: Vec::new(),
             is_new: false,
             hits: Hits::new(samples),
@@ -394,28 +400,43 @@ fn find_hits<S: Simd>(
     if let Some((frame, pixels)) = culled {
         return confidence::trace(frame, pass, (corner, inside), pixels, (tile, &mut scratch.histogram));
     }
-    match &pass.scene.structure().store {
-        Store::Bvh(bvh) => {
-            let place = (corner[0] + inside[0], corner[1] + inside[1]);
-            let beam = Beam::new(pass, place.0 as f32, place.1 as f32);
+    let scene = pass.scene;
+    let place = (corner[0] + inside[0], corner[1] + inside[1]);
+    let beam = Beam::new(pass, place.0 as f32, place.1 as f32);
+    let view = &pass.view;
+    let replicated = Replicated::of(scene);
+    match &scene.structure().store {
+        Store::Bvh(bvh) if replicated.is_none() => {
             let tile_px = pass.tile_px();
             let number = inside[1] / tile_px * (FILM_EDGE / tile_px) + inside[0] / tile_px;
             let mut memory = scratch.memories.get_mut(number);
             if let Some(memory) = memory.as_deref() {
                 scratch.counts.remembered_leaves += memory.leaves.len() as u64;
             }
-            tiles::walk(simd, bvh, &pass.view, &beam, tile, &mut scratch.stack, memory.as_deref_mut());
+            tiles::walk(simd, bvh, view, &beam, tile, &mut scratch.stack, memory.as_deref_mut());
             if let Some(memory) =
                 memory.filter(|_| scratch.is_new && pass.certified.coverage && pass.block_px == 1)
             {
                 coverage::forget_hidden(simd, pass, bvh, place, tile, memory);
             }
         }
+        Store::Bvh(_) => {}
         _ => {
             for block in 0..BLOCKS {
                 clip::find_block(pass, block, tile, &mut scratch.counts);
             }
+            tile.update_depths(simd);
         }
+    }
+    match (replicated, scene.bonds()) {
+        (Some(replicated), _) => {
+            replicas::walk(simd, replicated, (view, &beam), tile, &mut scratch.rays, &mut scratch.stack);
+        }
+        (None, Some(bonds)) => {
+            let bonds = (bonds, scene.structure().nodes());
+            bonds::walk(simd, bonds, view, &beam, tile, &mut scratch.stack);
+        }
+        (None, None) => {}
     }
 }
 

@@ -29,7 +29,7 @@ pub(super) struct Span {
 impl Span {
     /// The span of the points in the mask `lit`, which is not zero; coordinates are across, across and along.
     #[inline(always)]
-    fn of<S: Simd>(simd: S, projected: &Lanes3<f32x16<S>>, lit: u32) -> Self {
+    pub(super) fn of<S: Simd>(simd: S, projected: &Lanes3<f32x16<S>>, lit: u32) -> Self {
         let lit = mask32x16::from_bitmask(simd, lit as u64);
         let (none_low, none_high) =
             (f32x16::splat(simd, f32::INFINITY), f32x16::splat(simd, f32::NEG_INFINITY));
@@ -65,7 +65,7 @@ impl Span {
 /// Coordinates across and along a direction, measured from a point near those that look for light.
 pub(super) struct Light {
     /// Two axes across, and the direction toward the light.
-    across: [Vec3; 2],
+    pub(super) across: [Vec3; 2],
     pub(super) toward: Vec3,
     pub(super) origin: Vec3,
     /// Largest distance from `origin` to a point, in each coordinate.
@@ -126,7 +126,7 @@ pub(super) fn unoccluded<S: Simd>(
     let span = Span::of(simd, &projected, lit);
 
     stack.clear();
-    stack.push(Entry { distance: 0.0, place: root, lanes: lit });
+    stack.push(Entry::of_all(root, lit));
     while let Some(Entry { place, lanes, .. }) = stack.pop() {
         let lanes = lanes & lit;
         if lanes == 0 {
@@ -149,8 +149,15 @@ pub(super) fn unoccluded<S: Simd>(
 pub(super) struct Entry {
     /// From the points to its middle, along the direction.
     distance: f32,
-    place: Place,
-    lanes: u32,
+    pub(super) place: Place,
+    pub(super) lanes: u32,
+}
+
+impl Entry {
+    /// Everything, for the points in the mask.
+    pub(super) fn of_all(place: Place, lanes: u32) -> Self {
+        Self { distance: 0.0, place, lanes }
+    }
 }
 
 /// The largest coordinate, of either sign, of the points in the mask.
@@ -164,7 +171,7 @@ pub(super) fn farthest<S: Simd>(simd: S, offset: &Lanes3<f32x16<S>>, lit: u32) -
 /// Pushes the children that can shadow a point, the one nearest to the points last.
 #[simd]
 #[expect(clippy::too_many_arguments, reason = "one walk, cut where it is readable")]
-fn push_children<S: Simd>(
+pub(super) fn push_children<S: Simd>(
     simd: S,
     bvh: &Bvh,
     place: Place,

@@ -8,6 +8,7 @@ use super::tiles::RAYS;
 use crate::scene::Scene;
 use crate::scene::camera::View;
 use crate::simd::Lanes3;
+use crate::structure::bonds::Cylinder;
 
 /// What sixteen rays met, where they met anything.
 pub(super) struct Met<S: Simd> {
@@ -36,6 +37,14 @@ pub(super) fn look_up<S: Simd>(
         return None;
     }
 
+    let (origin, direction) = if view.perspective {
+        (Lanes3::splat(simd, view.eye), varying)
+    } else {
+        (varying, Lanes3::splat(simd, view.forward))
+    };
+    let point = origin.plus(direction.times(depth));
+    let structure = scene.structure();
+    let is_plain = structure.replicas().is_none() && scene.bonds().is_none();
     // Neighboring rays often meet the same particle: it is looked up once for all of them.
     let zero = f32x16::splat(simd, 0.0);
     let mut center = Lanes3 { x: zero, y: zero, z: zero };
@@ -47,18 +56,24 @@ pub(super) fn look_up<S: Simd>(
         let node = node[left.trailing_zeros() as usize];
         let same = nodes.simd_eq(u32x16::splat(simd, node));
         left &= !same.to_bitmask();
-        let sphere = scene.structure().sphere(node);
+        let (original, sphere) = if is_plain {
+            (node, structure.own_sphere(node))
+        } else if let Some((bonds, half, shift)) = scene.locate_bond(node) {
+            let cylinder = bonds.cylinder(half / 2);
+            center = centers(simd, cylinder, shift, &point).where_else(same, center);
+            radius = same.select(f32x16::splat(simd, cylinder.radius), radius);
+            let owner = scene.color(bonds.owner(half));
+            color = Lanes3::splat(simd, Vec3::from_array(owner)).where_else(same, color);
+            continue;
+        } else {
+            (structure.original(node), structure.sphere(node))
+        };
         center = Lanes3::splat(simd, sphere.0).where_else(same, center);
         radius = same.select(f32x16::splat(simd, sphere.1), radius);
-        color = Lanes3::splat(simd, Vec3::from_array(scene.color(node))).where_else(same, color);
+        color = Lanes3::splat(simd, Vec3::from_array(scene.color(original))).where_else(same, color);
     }
 
-    let (origin, direction) = if view.perspective {
-        (Lanes3::splat(simd, view.eye), varying)
-    } else {
-        (varying, Lanes3::splat(simd, view.forward))
-    };
-    let outward = origin.plus(direction.times(depth)).minus(center);
+    let outward = point.minus(center);
     // A sphere so small that rounding leaves no direction faces the eye.
     let length_sq = outward.dot(outward);
     let is_clear = length_sq.simd_gt(f32x16::splat(simd, f32::MIN_POSITIVE));
@@ -66,6 +81,26 @@ pub(super) fn look_up<S: Simd>(
     let normal = normal.where_else(is_clear, Lanes3 { x: -direction.x, y: -direction.y, z: -direction.z });
     let position = center.plus(normal.times(radius));
     Some(Met { hits, position, normal, cosine: -normal.dot(direction), color })
+}
+
+/// By lane the center around which a bond's surface is shaded as a sphere: see [`Cylinder::center_of`].
+#[inline(always)]
+fn centers<S: Simd>(
+    simd: S,
+    cylinder: &Cylinder,
+    shift: Vec3,
+    point: &Lanes3<f32x16<S>>,
+) -> Lanes3<f32x16<S>> {
+    let points = point.to_arrays();
+    let mut centers = [[0.0; RAYS]; 3];
+    for lane in 0..RAYS {
+        let point = Vec3::new(points[0][lane], points[1][lane], points[2][lane]);
+        let center = cylinder.center_of(point - shift) + shift;
+        for axis in 0..3 {
+            centers[axis][lane] = center[axis];
+        }
+    }
+    Lanes3::load(simd, &centers)
 }
 
 /// What one sample of every pixel of a film tile met, by packet; see `hits`.

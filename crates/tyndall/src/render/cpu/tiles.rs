@@ -6,12 +6,12 @@
 //! Result: the same depth and id, bit for bit, that a ray each would find. Boxes and particles are grown by the rounding of the
 //! hit formula before anything is skipped (see `math::HIT_ROUNDING`).
 
-use fearless_simd::{f32x16, mask32x16, prelude::*, u32x16};
+use fearless_simd::{f32x8, f32x16, mask32x16, prelude::*, u32x16};
 use fearless_simd_macros::simd;
 use glam::Vec3;
 
 use super::Pass;
-use crate::math::{HIT_ROUNDING, Ray};
+use crate::math::{Bounds, HIT_ROUNDING, Ray};
 use crate::scene::camera::View;
 use crate::simd::{Ball, Lanes3, Reach, enter_sphere, grown};
 use crate::structure::bvh::{Bvh, LEAF, Place, push_sorted};
@@ -40,8 +40,11 @@ pub(super) struct Tile {
     /// The node of what it met; meaningless where it met nothing.
     pub(super) node: [[u32; RAYS]; BLOCKS],
     /// The deepest ray of each block and of each quad.
-    block_depth: [f32; BLOCKS],
+    pub(super) block_depth: [f32; BLOCKS],
     quad_depth: [f32; QUADS],
+    /// The node of the first particle of the image that is drawn, and how many nodes an image has: all where there is one.
+    pub(super) first_node: u32,
+    pub(super) image_nodes: u32,
 }
 
 impl Tile {
@@ -52,6 +55,8 @@ impl Tile {
             node: [[0; RAYS]; BLOCKS],
             block_depth: [f32::INFINITY; BLOCKS],
             quad_depth: [f32::INFINITY; QUADS],
+            first_node: 0,
+            image_nodes: u32::MAX,
         })
     }
 
@@ -73,7 +78,7 @@ impl Tile {
 
     /// Whether something that starts at depth `near` can matter to one of the quads.
     #[inline(always)]
-    fn is_open(&self, near: f32, quads: u8) -> bool {
+    pub(super) fn is_open(&self, near: f32, quads: u8) -> bool {
         (0..QUADS).any(|quad| quads >> quad & 1 == 1 && near <= self.quad_depth[quad])
     }
 
@@ -94,11 +99,7 @@ impl Tile {
         let mut wins = enters & t.simd_lt(depth);
         let ties = (enters & t.simd_eq(depth)).to_bitmask();
         if ties != 0 {
-            // Equally near: rare, but for particles at one place.
-            let id = |node: u32| bvh.ids()[node as usize];
-            let smaller =
-                |lane: &usize| ties >> lane & 1 == 1 && id(sphere.node) < id(self.node[block][*lane]);
-            let won = (0..RAYS).filter(smaller).fold(0, |mask, lane| mask | 1 << lane);
+            let won = self.smaller_ids(bvh, block, ties, sphere.node);
             wins |= mask32x16::from_bitmask(simd, won);
         }
         let depth = wins.select(t, depth);
@@ -108,8 +109,18 @@ impl Tile {
         self.block_depth[block] = depth.reduce_max();
     }
 
+    /// Which of the rays of a block in the mask, that met something just as near, meet the particle at `node` instead: that of an earlier
+    /// image, and within an image the smaller id. Rare, but for particles at one place.
+    #[cold]
+    #[inline(never)]
+    fn smaller_ids(&self, bvh: &Bvh, block: usize, ties: u64, node: u32) -> u64 {
+        let id = |node: u32| (node / self.image_nodes, bvh.ids()[(node % self.image_nodes) as usize]);
+        let smaller = |lane: &usize| ties >> lane & 1 == 1 && id(node) < id(self.node[block][*lane]);
+        (0..RAYS).filter(smaller).fold(0, |mask, lane| mask | 1 << lane)
+    }
+
     #[simd]
-    fn update_quads<S: Simd>(&mut self, simd: S) {
+    pub(super) fn update_quads<S: Simd>(&mut self, simd: S) {
         for quad in 0..QUADS {
             let blocks = &self.block_depth[quad * QUAD_BLOCKS..][..QUAD_BLOCKS];
             self.quad_depth[quad] = f32x16::from_slice(simd, blocks).reduce_max();
@@ -128,16 +139,17 @@ struct Sphere {
 ///
 /// Along `across[k]` a point `p` measured from the eye lies at `dot(p, across[k]) - shift[k]`, divided by its distance in
 /// front of the eye where the view has perspective.
+#[derive(Clone, Copy)]
 pub(super) struct Beam {
-    eye: Vec3,
+    pub(super) eye: Vec3,
     across: [Vec3; 2],
     shift: [f32; 2],
     /// Depth along the tile's middle ray: never more than the distance along any of its rays.
     along: Vec3,
     forward: Vec3,
-    perspective: bool,
+    pub(super) perspective: bool,
     /// Largest distance from the eye at which a ray starts, in each coordinate.
-    spread: f32,
+    pub(super) spread: f32,
     /// Pixels along the edge of a block, if rays go through the centers of pixels only.
     centers: Option<f32>,
 }
@@ -184,18 +196,41 @@ impl Beam {
     }
 }
 
+impl Beam {
+    /// As an image sees it that is moved by `shift`.
+    pub(super) fn moved_back(&self, shift: Vec3) -> Self {
+        // Where rays start in parallel, each start is rounded once more.
+        let rounded = if self.perspective { Vec3::ZERO } else { self.eye.abs() + shift.abs() };
+        Self { eye: self.eye - shift, spread: self.spread + rounded.max_element(), ..*self }
+    }
+}
+
+/// Where the box starts, measured along the beam; none if no ray of the tile can meet it, or all of them have met something nearer.
+#[inline(always)]
+pub(super) fn open_from<S: Simd>(simd: S, beam: &Beam, tile: &Tile, bounds: &Bounds) -> Option<f32> {
+    let center = bounds.center() - beam.eye;
+    let half = 0.5 * bounds.extent();
+    let farthest = (center.abs() + half + bounds.center().abs()).max_element();
+    let margin = 2.0 * HIT_ROUNDING * (farthest + beam.spread);
+    let center: Lanes3<f32x8<S>> = Lanes3::splat(simd, center);
+    let shadow = project(simd, beam, center, Lanes3::splat(simd, half + margin));
+    let [_, open] = shadow.touched_quads(simd, tile);
+    let is_open = open.iter().any(|quad| quad & 1 == 1);
+    is_open.then(|| shadow.near.to_array()[0])
+}
+
 /// What projected boxes or particles cover: a range of blocks across, down, and where they start.
-struct Shadow<V> {
+pub(super) struct Shadow<V> {
     low: [V; 2],
     high: [V; 2],
-    near: V,
+    pub(super) near: V,
     /// Where they end along the view's axis; at or below zero they lie behind the eye.
     far: V,
 }
 
 /// Projects things at `center`, measured from the eye.
 #[inline(always)]
-fn project<S: Simd, V: SimdFloat<S, Element = f32>>(
+pub(super) fn project<S: Simd, V: SimdFloat<S, Element = f32>>(
     simd: S,
     beam: &Beam,
     center: Lanes3<V>,
@@ -228,7 +263,7 @@ fn project<S: Simd, V: SimdFloat<S, Element = f32>>(
 impl<V> Shadow<V> {
     /// Which lanes touch each quad, as one bit mask a quad; and of those the ones in front of which it is still open.
     #[inline(always)]
-    fn touched_quads<S: Simd>(&self, simd: S, tile: &Tile) -> [[u32; QUADS]; 2]
+    pub(super) fn touched_quads<S: Simd>(&self, simd: S, tile: &Tile) -> [[u32; QUADS]; 2]
     where
         V: SimdFloat<S, Element = f32>,
     {
@@ -253,7 +288,7 @@ impl<V> Shadow<V> {
 impl<S: Simd> Shadow<f32x16<S>> {
     /// The blocks that each lane covers: the first and the last across, the first and the last down, three bits each.
     #[inline(always)]
-    fn ranges(&self, simd: S) -> [u32; LEAF] {
+    pub(super) fn ranges(&self, simd: S) -> [u32; LEAF] {
         let zero = f32x16::splat(simd, 0.0);
         let last = f32x16::splat(simd, (EDGE - 1) as f32);
         let half = 0.5 * EDGE as f32;
@@ -293,7 +328,14 @@ pub(super) struct Entry {
     pub(super) place: Place,
     /// The quads that it touches, and those of them that were open in front of it when it was met.
     pub(super) touched: u8,
-    open: u8,
+    pub(super) open: u8,
+}
+
+impl Entry {
+    /// Everything.
+    pub(super) fn of_all(place: Place) -> Self {
+        Self { near: 0.0, place, touched: 0b1111, open: 0b1111 }
+    }
 }
 
 /// What a walk went through, for the next one of the same tile: every particle that touches the tile is in one of the leaves
@@ -324,7 +366,7 @@ pub(super) fn walk<S: Simd>(
             let entries = memory.behind.drain(..).chain(memory.leaves.drain(..).rev());
             stack.extend(entries.map(|entry| Entry { open: entry.touched, ..entry }));
         }
-        _ => stack.extend(bvh.root().map(|place| Entry { near: 0.0, place, touched: 0b1111, open: 0b1111 })),
+        _ => stack.extend(bvh.root().map(Entry::of_all)),
     }
     while let Some(entry) = stack.pop() {
         if !tile.is_open(entry.near, entry.open) {
@@ -344,7 +386,7 @@ pub(super) fn walk<S: Simd>(
 
 /// Pushes the children that can matter, the nearest last; remembers those that lie behind.
 #[simd]
-fn push_children<S: Simd>(
+pub(super) fn push_children<S: Simd>(
     simd: S,
     bvh: &Bvh,
     place: Place,
@@ -412,6 +454,7 @@ fn draw_leaf<S: Simd>(simd: S, bvh: &Bvh, leaf: usize, view: &View, beam: &Beam,
     if kept == 0 {
         return;
     }
+    let first_node = tile.first_node + (leaf * LEAF) as u32;
     let near = shadow.near.to_array();
     let ranges = shadow.ranges(simd);
     let (centers, radii) = (centers.to_arrays(), radius.to_array());
@@ -423,7 +466,7 @@ fn draw_leaf<S: Simd>(simd: S, bvh: &Bvh, leaf: usize, view: &View, beam: &Beam,
         let sphere = Sphere {
             center: Vec3::new(centers[0][lane], centers[1][lane], centers[2][lane]),
             radius: radii[lane],
-            node: (leaf * LEAF + lane) as u32,
+            node: first_node + lane as u32,
         };
         for y in y_low..=y_high {
             for x in x_low..=x_high {

@@ -372,7 +372,7 @@ impl<'a> Renderer<'a> {
         camera: &Camera,
         settings: &Settings,
     ) -> Result<Self> {
-        settings.check()?;
+        settings.check(scene)?;
         let Settings { width, height, .. } = *settings;
         let view = camera.view(scene.structure().origin(), width, height)?;
         let mut picture = Picture::new(resident, [width, height], Pace::Steady)?;

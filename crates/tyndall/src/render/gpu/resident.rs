@@ -124,6 +124,13 @@ enum Arranged<'a> {
 impl<'a> Content<'a> {
     /// Fails with [`Error::Setting`] if the structure is none that the card walks.
     fn of(scene: &'a Scene) -> Result<Self> {
+        if scene.bonds().is_some() {
+            return Err(Error::setting("--bonds", "drawn", "left out on the GPU; --device cpu draws them"));
+        }
+        if scene.structure().replicas().is_some() {
+            let allowed = "1 on the GPU, which draws no periodic images; --device cpu does";
+            return Err(Error::setting("--replicate", "more", allowed));
+        }
         let structure = match &scene.structure().store {
             Store::Bvh(bvh) => Arranged::Bvh(bvh.arrays()),
             Store::Pkd(pkd) => Arranged::Heaps(pkd.arrays()),
