@@ -1,6 +1,6 @@
 """Reads what `tyndall convert` wrote with independent libraries: the same particles in every format.
 
-usage: particles.py TYNDALL FOLDER
+usage: particles.py TYNDALL FOLDER TYNDALL_WITH_THE_FEATURE_PARQUET
 """
 
 import struct
@@ -11,11 +11,11 @@ import zlib
 
 import numpy as np
 
-tyndall, folder = sys.argv[1:]
+tyndall, folder, with_tables = sys.argv[1:]
 SOURCE = "examples/pour.dump.gz"
 
 
-def convert(name, *options):
+def convert(name, *options, tyndall=tyndall):
     path = f"{folder}/{name}"
     subprocess.run([tyndall, "convert", SOURCE, "-o", path, "-q", *options], check=True)
     return path
@@ -47,6 +47,22 @@ from plyfile import PlyData
 vertex = PlyData.read(convert("a.ply"))["vertex"]
 same("PLY", np.stack([vertex[axis] for axis in "xyz"], axis=1), position)
 same("PLY radius", vertex["radius"], radius)
+
+import pyarrow.feather
+import pyarrow.parquet
+
+for table in (
+    pyarrow.parquet.read_table(convert("a.parquet", tyndall=with_tables)),
+    pyarrow.feather.read_table(convert("a.arrow", tyndall=with_tables)),
+):
+    same("Parquet or Arrow", np.stack([table[axis].to_numpy() for axis in "xyz"], axis=1), position)
+    same("Parquet or Arrow: radius", table["radius"].to_numpy(), radius)
+    same("Parquet or Arrow: id", table["id"].to_numpy(), archive["id"])
+    assert b"tyndall" in table.schema.metadata, table.schema.metadata
+    # And back: what pyarrow writes of it is the same particles.
+    pyarrow.parquet.write_table(table, f"{folder}/b.parquet", compression="zstd")
+    subprocess.run([with_tables, "convert", f"{folder}/b.parquet", "-o", f"{folder}/b.npz", "-q"], check=True)
+    same("Parquet of pyarrow", np.load(f"{folder}/b.npz")["pos"], position)
 
 import ase.io
 

@@ -16,7 +16,7 @@ use tyndall_io::write::movie;
 use crate::bench_culling::CullingBench;
 use crate::culling::CullingArgs;
 use crate::device::Choice;
-use crate::medium::args::Medium;
+use crate::medium::args::{Density, Medium};
 use crate::output::EncoderName;
 use crate::values::{Background, Degrees, Ortho, Size, Slice, count, length, point};
 
@@ -89,8 +89,8 @@ pub(crate) struct Input {
     /// only (XTC, TRR, DCD, AMBER NetCDF) names their particles: topol.gro traj.xtc
     #[arg(required = true, value_name = "FILE", help_heading = None)]
     pub(crate) files: Vec<PathBuf>,
-    /// Format, instead of recognising it: tyn lammps lammps-binary lammps-data xyz gro xtc trr dcd amber pdb cif bcif gsd gadget tipsy
-    /// hdf5 ply npy bgeo geo prt ptc pda mmpld vtk las e57 pcd pts csv
+    /// Format, instead of recognising it: tyn lammps lammps-binary lammps-data xyz gro xtc trr dcd amber pdb cif bcif mmtf gsd gadget tipsy
+    /// hdf5 ply npy bgeo geo prt ptc pda mmpld vtk las e57 pcd pts csv; parquet and arrow where the build has that feature
     #[arg(long, value_name = "NAME")]
     pub(crate) format: Option<String>,
     /// Names of the columns of a table, in order: id,type,x,y,z
@@ -99,13 +99,13 @@ pub(crate) struct Input {
     /// Whether a LAMMPS dump's coordinates are fractions of its cell [default: as its columns are called]
     #[arg(long, value_name = "KIND")]
     pub(crate) coords: Option<Coords>,
-    /// Biological assembly to make of a PDB or mmCIF file: its number, or all [default: the atoms of the file]
+    /// Biological assembly to make of a PDB, mmCIF, BinaryCIF or MMTF file: its number, or all [default: the atoms of the file]
     #[arg(long, value_name = "NUMBER")]
     pub(crate) assembly: Option<String>,
     /// Types of particles to read from a snapshot (Gadget, TIPSY, HDF5), by name or number: gas,star or 0,4 [default: all]
     #[arg(long = "type", value_name = "TYPES", value_delimiter = ',')]
     pub(crate) types: Option<Vec<String>>,
-    /// Data set of an HDF5 file that has the positions, or group of particles of an H5MD file, where there are several
+    /// Data set of an HDF5 file that has the positions, group of particles of an H5MD file, or grid of an OpenVDB file, where there are several
     #[arg(long, value_name = "PATH")]
     pub(crate) dataset: Option<String>,
     /// Where particles of a periodic box are put
@@ -511,13 +511,18 @@ pub(crate) struct Info {
 pub(crate) struct Convert {
     #[command(flatten)]
     pub(crate) input: Input,
-    /// The file; its extension says the format: .xyz .dump .csv .tsv .ply .npy .npz .vtp .mmpld .prt .bgeo .usda .glb. Where
+    /// The file; its extension says the format: .xyz .dump .csv .tsv .ply .npy .npz .vtp .mmpld .prt .bgeo .usda .glb; where the
+    /// build has the feature parquet also .parquet .arrow .feather; or .vdb, for the density of the particles as OpenVDB grids. Where
     /// each frame needs its own file, it has the number in its name: %04d, #### or $F4
     #[arg(short, long, value_name = "OUT")]
     pub(crate) output: PathBuf,
-    /// Names of the attributes to write, in order: id,velocity [default: all]
-    #[arg(long, value_name = "NAMES", value_delimiter = ',')]
+    /// Names of the attributes to write, in order: id,velocity [default: all]. Into .vdb: grids, of which density is the particles'
+    /// own and others are means: density,temperature,velocity [default: density]
+    #[arg(long, visible_alias = "field", value_name = "NAMES", value_delimiter = ',')]
     pub(crate) fields: Option<Vec<String>>,
+    /// Into .vdb: 16-bit floats, of half the size
+    #[arg(long)]
+    pub(crate) half: bool,
     /// One frame, counted from 0; -1 is the last
     #[arg(long, value_name = "N", allow_hyphen_values = true, conflicts_with = "frames")]
     pub(crate) frame: Option<i64>,
@@ -527,6 +532,8 @@ pub(crate) struct Convert {
     /// Leaves files that are there already
     #[arg(long)]
     pub(crate) skip_existing: bool,
+    #[command(flatten)]
+    pub(crate) density: Density,
     #[command(flatten)]
     pub(crate) selection: Selection,
     #[command(flatten)]

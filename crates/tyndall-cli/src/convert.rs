@@ -1,4 +1,6 @@
-//! `tyndall convert`: particles to another format.
+//! `tyndall convert`: particles to another format, or to a density.
+
+mod grids;
 
 use std::path::Path;
 use std::time::Instant;
@@ -7,12 +9,21 @@ use tyndall::Error;
 use tyndall_io::{Sequence, write};
 
 use crate::ahead::{self, Ahead};
+use crate::medium::args::Density;
 use crate::output::Pattern;
 use crate::report::{Failure, Outcome, Report, bytes, counted, seconds};
 use crate::{args, input, plan, progress, selection};
 
 /// Writes the frames that are asked for: into one file if its format holds them, else each into its own.
 pub(crate) fn run(args: &args::Convert, report: &Report) -> Outcome<()> {
+    if grids::is_grids(&args.output) {
+        return grids::run(args, report);
+    }
+    let Density { voxel, grid, h0, weight, .. } = &args.density;
+    if args.half || voxel.is_some() || grid.is_some() || h0.is_some() || weight.is_some() {
+        let text = "--half, --voxel, --grid, --h0 and --weight are for a density — give -o NAME.vdb, or leave them out";
+        return Err(Failure::Usage(text.into()));
+    }
     let pattern = Pattern::new(&args.output);
     let holds_frames = write::particles::holds_frames(&pattern.name(0)).map_err(Failure::Output)?;
     let sequence = input::open(&args.input, None, report)?;

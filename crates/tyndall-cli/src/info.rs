@@ -1,5 +1,7 @@
 //! `tyndall info`: what is in a file, for people or as JSON.
 
+mod grids;
+
 use tyndall::Error;
 use tyndall::particles::{Attribute, Particles};
 use tyndall::render::Settings;
@@ -11,10 +13,13 @@ use tyndall_io::{Frame, Saved, Sequence};
 use crate::args;
 use crate::report::{Outcome, Report, bytes, counted};
 use crate::values::frame as frame_number;
-use crate::{dry_run, input, json, structure};
+use crate::{dry_run, input, json, medium, structure};
 
 /// Describes a frame.
 pub(crate) fn run(args: &args::Info, report: &Report) -> Outcome<()> {
+    if medium::are_grids(&args.input.files)? {
+        return grids::run(&args.input.files, args.json, report);
+    }
     let settings = Settings { width: 1, height: 1, samples: 1, ..Settings::default() };
     let work = Work::of_count(input::known_count(&args.input.files)?, Kind::Brute, settings);
     dry_run::check_memory(&work, work.memory_bytes(), None)?;

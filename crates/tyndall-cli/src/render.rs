@@ -42,6 +42,9 @@ pub(crate) fn run(args: &args::Render, report: &Report) -> Outcome<()> {
     if let Some(scene) = medium::scene_of(args) {
         return medium::run_scene(scene, report);
     }
+    if medium::are_grids(&args.input.files)? {
+        return medium::run_grids(args, report);
+    }
     if args.method.mode == Mode::Medium {
         return medium::run(args, report);
     }

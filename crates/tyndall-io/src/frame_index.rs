@@ -145,7 +145,8 @@ mod tests {
     use super::*;
 
     fn index() -> Index {
-        let span = |k: u64| Span { offset: 100 * k, line: 9 * k + 1, bytes: (k % 2 == 0).then_some(k) };
+        let span =
+            |k: u64| Span { offset: 100 * k, line: 9 * k + 1, bytes: k.is_multiple_of(2).then_some(k) };
         Index {
             frames: (0..5).map(span).collect(),
             cut: true,

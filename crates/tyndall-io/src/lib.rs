@@ -9,6 +9,7 @@ pub mod read;
 pub mod saved;
 pub mod sequence;
 mod topology;
+pub mod vdb;
 pub mod write;
 
 pub use parts::Parts;

@@ -1,15 +1,17 @@
 //! The part of the command line's definition that is about media.
 
 use clap::{Args, ValueEnum};
+use tyndall::medium::Kernel;
+use tyndall::medium::density::{self, Resolution, Smoothing, Weight};
 use tyndall::render::medium::free_path::FreePath;
 
-use super::values::{Gather, LightSpec, NoiseAmount, Rgb, positive};
+use super::values::{Gather, LightSpec, NoiseAmount, Rgb, Voxel, positive};
 use crate::values::count;
 
-/// With --mode medium: from particles to density, and light in it.
+/// From particles to density.
 #[derive(Args)]
-#[command(next_help_heading = "Medium")]
-pub(crate) struct Medium {
+#[command(next_help_heading = "Density")]
+pub(crate) struct Density {
     /// Who has a smoothing length: uniform, two-pass, three-pass, exact (each grid point) or scatter (each particle)
     #[arg(long, value_name = "NAME", default_value = "three-pass")]
     pub(crate) smoothing: SmoothingName,
@@ -28,15 +30,21 @@ pub(crate) struct Medium {
     /// How a particle is spread: cubic, wendland or poly6
     #[arg(long, value_name = "NAME", default_value = "cubic")]
     pub(crate) kernel: KernelName,
-    /// Distance of grid points [default: by the smoothing lengths]
-    #[arg(long, value_name = "LENGTH", value_parser = positive, conflicts_with = "grid", allow_hyphen_values = true)]
-    pub(crate) voxel: Option<f32>,
+    /// Distance of grid points; auto finds it by the smoothing lengths, from 64 to 256 points along the longest axis [default: auto]
+    #[arg(long, value_name = "LENGTH", conflicts_with = "grid", allow_hyphen_values = true)]
+    pub(crate) voxel: Option<Voxel>,
     /// Grid points along the longest axis
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(2..))]
     pub(crate) grid: Option<u32>,
     /// What a particle weighs: an attribute, or one [default: its mass if it has one]
     #[arg(long, value_name = "NAME")]
     pub(crate) weight: Option<String>,
+}
+
+/// With --mode medium: from particles to density, and light in it.
+#[derive(Args)]
+#[command(next_help_heading = "Medium")]
+pub(crate) struct Medium {
     /// Extinction per length where the density is 1, one number or R,G,B [default: so that the median column is 6 thick]
     #[arg(long, value_name = "X", allow_hyphen_values = true)]
     pub(crate) extinction: Option<Rgb>,
@@ -91,6 +99,45 @@ pub(crate) struct Medium {
     /// What the picture shows: light, photons (as points) or density (per column)
     #[arg(long, value_name = "WHAT", default_value = "light")]
     pub(crate) show: Shown,
+    #[command(flatten)]
+    pub(crate) density: Density,
+}
+
+impl Density {
+    /// How the density of particles is estimated, in so much memory.
+    pub(crate) fn settings(&self, memory_bytes: Option<u64>) -> density::Settings {
+        let resolution = match (self.voxel, self.grid) {
+            (Some(Voxel::Length(spacing)), _) => Resolution::Voxel(spacing),
+            (_, Some(samples)) => Resolution::Samples(samples),
+            (Some(Voxel::Auto) | None, None) => Resolution::Automatic,
+        };
+        density::Settings {
+            smoothing: match self.smoothing {
+                SmoothingName::Uniform => Smoothing::Uniform,
+                SmoothingName::TwoPass => Smoothing::TwoPass,
+                SmoothingName::ThreePass => Smoothing::ThreePass,
+                SmoothingName::Exact => Smoothing::Exact,
+                SmoothingName::Scatter => Smoothing::Scatter,
+            },
+            kernel: match self.kernel {
+                KernelName::Cubic => Kernel::CubicSpline,
+                KernelName::Wendland => Kernel::WendlandC2,
+                KernelName::Poly6 => Kernel::Poly6,
+            },
+            length: self.h0,
+            neighbors: self.neighbors,
+            scale: self.correction_scale,
+            further_passes: self.further_passes,
+            weight: match self.weight.as_deref() {
+                None => Weight::Automatic,
+                Some("one") => Weight::One,
+                Some(name) => Weight::Attribute(name.into()),
+            },
+            resolution,
+            memory_bytes,
+            ..density::Settings::default()
+        }
+    }
 }
 
 /// Names of [`tyndall::medium::density::Smoothing`].

@@ -15,10 +15,10 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use clap::ValueEnum;
-use tyndall::medium::density::{self, Resolution, Smoothing, Volume, Weight};
+use tyndall::medium::density::{self, Volume};
 use tyndall::medium::grid::Lattice;
 use tyndall::medium::light::{Directional, Environment};
-use tyndall::medium::{Grid, Kernel, Light, Medium, Noise, NoiseSettings, Optics, Phase, automatic};
+use tyndall::medium::{Grid, Light, Medium, Noise, NoiseSettings, Optics, Phase, automatic};
 use tyndall::particles::{Particles, Radii};
 use tyndall::render::medium::march;
 use tyndall::scene::automatic::{Outliers, framing_of};
@@ -27,10 +27,10 @@ use tyndall::scene::outline::Outline;
 use tyndall::scene::short;
 use tyndall::structure::Spheres;
 use tyndall::{DVec3, Error, Vec3};
-use tyndall_io::read::Described;
-use tyndall_io::write;
+use tyndall_io::read::{self, Described};
+use tyndall_io::{vdb, write};
 
-use self::args::{CacheName, KernelName, MethodName, SmoothingName};
+use self::args::{CacheName, MethodName};
 use crate::args::{Picture, Render};
 use crate::output::{Output, Pattern};
 use crate::report::{Failure, Outcome, Report, counted, seconds};
@@ -46,38 +46,28 @@ pub(crate) fn scene_of(args: &Render) -> Option<&Path> {
     args.input.files.iter().find(is_scene).map(PathBuf::as_path)
 }
 
+/// Whether files are grids of OpenVDB, as the first of them is.
+pub(crate) fn are_grids(files: &[PathBuf]) -> Outcome<bool> {
+    Ok(files.first().is_some_and(|file| file.is_file() && vdb::is_vdb(file).unwrap_or(false)))
+}
+
 /// Renders what a scene file says.
 pub(crate) fn run_scene(path: &Path, report: &Report) -> Outcome<()> {
     let scene = SceneFile::read(path, std::env::args_os())?;
-    let Some(Described { grid: density, conventions }) = scene.density(report)? else {
+    let Some(density) = scene.density() else {
         return render::run(&scene.args, report);
     };
-    let job = Job { args: &scene.args, report };
-    job.check()?;
-    let mut output = Output::new(job.args, report)?;
-    let pattern = Pattern::new(&job.args.picture.output);
-    let pictures = plan::pictures(job.args, &pattern, 1, report)?;
-    if job.args.medium.statistics.is_some() {
-        return Err(Failure::Usage("--statistics is for particles, not for a grid".into()));
-    }
-    if job.args.method.dry_run {
-        return job.dry_run(&density.lattice(), 0, 0.0, pictures.len());
-    }
-    let (medium, scene) = job.scene(density, None, None)?;
-    let mut guesses = vec![format!("medium, cpu {} threads", rayon::current_num_threads())];
-    guesses.extend(conventions);
-    guesses.extend(scene.guesses.clone());
-    report.note(format_args!("tyndall: {}", guesses.join(" · ")));
-    let metadata = metadata::of_scene(path, &job.spheres_settings(), &guesses);
-    let pictures: Vec<&plan::Picture> = pictures.iter().collect();
-    let mut written = 0;
-    let done = job.pictures(&medium, &scene, &pictures, &metadata, (&mut output, &mut written));
-    output.finish(done.map_err(|failure| match failure {
-        Failure::Interrupted(_) => {
-            Failure::Interrupted(format!("{written} of {} pictures written", pictures.len()))
-        }
-        failure => failure,
-    }))
+    Job { args: &scene.args, report }.run_grids(1, |_| (path, density(report)))
+}
+
+/// Renders grids of OpenVDB, one a frame.
+pub(crate) fn run_grids(args: &Render, report: &Report) -> Outcome<()> {
+    let files = &args.input.files;
+    Job { args, report }.run_grids(files.len(), |number| {
+        let density =
+            read::described_density(&files[number], args.input.dataset.as_deref(), 1.0, report.progress());
+        (&files[number], density.map_err(Failure::from))
+    })
 }
 
 /// Renders what the command line asks for.
@@ -183,6 +173,48 @@ impl Job<'_> {
         Ok(())
     }
 
+    /// Renders densities from files; `load` gives the name and the density of a frame of `count`.
+    fn run_grids<'a>(
+        &self,
+        count: usize,
+        load: impl Fn(usize) -> (&'a Path, Outcome<Described>),
+    ) -> Outcome<()> {
+        self.check()?;
+        let mut output = Output::new(self.args, self.report)?;
+        let pattern = Pattern::new(&self.args.picture.output);
+        let pictures = plan::pictures(self.args, &pattern, count, self.report)?;
+        if self.args.medium.statistics.is_some() {
+            return Err(Failure::Usage("--statistics is for particles, not for a grid".into()));
+        }
+        if !self.args.selection.is_empty() {
+            let text = "--filter, --select and --clip are for particles, not for a grid — leave them out";
+            return Err(Failure::Usage(text.into()));
+        }
+        if self.args.method.dry_run {
+            let density = load(pictures[0].frame).1?.grid;
+            return self.dry_run(&density.lattice(), 0, 0.0, pictures.len());
+        }
+        let skips = self.args.frames.skip_existing;
+        let done = plan::each_frame(&pictures, skips, self.report, |number, wanted, kept, written| {
+            let (path, density) = load(number);
+            let Described { grid, conventions } = density?;
+            let (medium, scene) = self.scene(grid, None, kept.as_ref())?;
+            let mut guesses = vec![format!("medium, cpu {} threads", rayon::current_num_threads())];
+            guesses.extend(conventions);
+            guesses.extend(scene.guesses.clone());
+            if kept.is_none() {
+                self.report.note(format_args!("tyndall: {}", guesses.join(" · ")));
+            }
+            let metadata = metadata::of_scene(path, &self.spheres_settings(), &guesses);
+            let scene = kept.insert(scene);
+            match wanted {
+                [] => Ok(()),
+                wanted => self.pictures(&medium, scene, wanted, &metadata, (&mut output, written)),
+            }
+        });
+        output.finish(done)
+    }
+
     /// Lights the medium and makes pictures of it.
     fn pictures(
         &self,
@@ -278,38 +310,7 @@ impl Job<'_> {
 
     /// How the density of particles is estimated.
     fn density_settings(&self) -> density::Settings {
-        let args = &self.args.medium;
-        let resolution = match (args.voxel, args.grid) {
-            (Some(spacing), _) => Resolution::Voxel(spacing),
-            (None, Some(samples)) => Resolution::Samples(samples),
-            (None, None) => Resolution::Automatic,
-        };
-        density::Settings {
-            smoothing: match args.smoothing {
-                SmoothingName::Uniform => Smoothing::Uniform,
-                SmoothingName::TwoPass => Smoothing::TwoPass,
-                SmoothingName::ThreePass => Smoothing::ThreePass,
-                SmoothingName::Exact => Smoothing::Exact,
-                SmoothingName::Scatter => Smoothing::Scatter,
-            },
-            kernel: match args.kernel {
-                KernelName::Cubic => Kernel::CubicSpline,
-                KernelName::Wendland => Kernel::WendlandC2,
-                KernelName::Poly6 => Kernel::Poly6,
-            },
-            length: args.h0,
-            neighbors: args.neighbors,
-            scale: args.correction_scale,
-            further_passes: args.further_passes,
-            weight: match args.weight.as_deref() {
-                None => Weight::Automatic,
-                Some("one") => Weight::One,
-                Some(name) => Weight::Attribute(name.into()),
-            },
-            resolution,
-            memory_bytes: self.memory_bytes(),
-            ..density::Settings::default()
-        }
+        self.args.medium.density.settings(self.memory_bytes())
     }
 
     /// From particles to their density.
@@ -336,7 +337,7 @@ impl Job<'_> {
     }
 
     fn described(&self, particles: &Particles, volume: &Volume) -> Vec<String> {
-        let args = &self.args.medium;
+        let args = &self.args.medium.density;
         let mut smoothing = name(args.smoothing);
         if let Some(length) = volume.length {
             smoothing += &format!(" h0 {}", short(length.into()));
@@ -359,7 +360,10 @@ impl Job<'_> {
         let args = &self.args.medium;
         let origin = particles.map_or(DVec3::ZERO, |it| it.positions().origin());
         if grid.max() <= 0.0 {
-            let text = "the density is 0 everywhere — do the particles weigh anything? (--weight one)";
+            let text = match particles {
+                Some(_) => "the density is 0 everywhere — do the particles weigh anything? (--weight one)",
+                None => "the density is 0 everywhere — is it the right grid, the right scale?",
+            };
             return Err(Failure::Unseen(text.into()));
         }
         if let Some(scene) = kept {
@@ -418,7 +422,8 @@ impl Job<'_> {
     /// What the camera shows, and how it was found: the particles without far outliers, each as wide as a few grid points.
     fn outline(&self, medium: &Medium, particles: Option<&Particles>) -> (Outline, String) {
         let Some(particles) = particles else {
-            return (Outline::of_box(&medium.bounds(), DVec3::ZERO), "framed on the medium".into());
+            let bounds = medium.density().filled_bounds().unwrap_or(medium.bounds());
+            return (Outline::of_box(&bounds, DVec3::ZERO), "framed on the medium".into());
         };
         let radii = Radii::Uniform(2.0 * medium.density().spacing());
         let spheres = Spheres { particles, radii: &radii, radius_scale: 1.0 };

@@ -2,7 +2,7 @@
 //!
 //! Every table but `grid`, `particles` and `light` holds flags by their long names without dashes, such as `eye = [1, 2, 3]` for
 //! `--eye 1,2,3` (the tables' own names are for people). Each `[[light]]` has a kind, `sun`, `point`, `spot`, `sky` or `image`, and what the flag
-//! `--light` says. `[grid]` names a file of samples, raw or one that says where they lie (OpenDX, VTK), `[particles]` files of particles. What the command line says beside the
+//! `--light` says. `[grid]` names a file of samples, raw or one that says where they lie (OpenDX, OpenVDB, VTK), `[particles]` files of particles. What the command line says beside the
 //! scene's name counts before the scene. Each `[[camera]]` is a key of a camera that moves, and says what the flag `--camera` says; of a camera that stands, `[camera]` has the flags. Paths are relative to the scene file.
 
 use std::ffi::OsString;
@@ -105,18 +105,21 @@ impl SceneFile {
         Ok(Self { path: path.to_path_buf(), args: *args, grid })
     }
 
-    /// The density of `[grid]`; `None` if the scene has particles instead.
-    pub(super) fn density(&self, report: &Report) -> Outcome<Option<Described>> {
-        let Some(grid) = &self.grid else { return Ok(None) };
+    /// What reads the density of `[grid]`; `None` if the scene has particles instead.
+    pub(super) fn density(&self) -> Option<impl Fn(&Report) -> Outcome<Described>> {
+        self.grid.as_ref().map(|grid| |report: &Report| self.read_grid(grid, report))
+    }
+
+    fn read_grid(&self, grid: &GridFile, report: &Report) -> Outcome<Described> {
         let file = self.path.parent().unwrap_or(Path::new(".")).join(&grid.file);
         let (size, spacing) = match (grid.size, grid.spacing) {
             (Some(size), Some(spacing)) if grid.array.is_none() => (size, spacing),
             (None, None) if grid.sample.is_none() && grid.origin.is_none() => {
                 let array = grid.array.as_deref();
-                return Ok(Some(read::described_density(&file, array, grid.scale, report.progress())?));
+                return Ok(read::described_density(&file, array, grid.scale, report.progress())?);
             }
             _ => {
-                let what = "[grid] is neither that of a raw file nor that of an OpenDX or VTK file";
+                let what = "[grid] is neither that of a raw file nor that of an OpenDX, OpenVDB or VTK file";
                 let hint = "a raw file needs size and spacing and has no array; others say size, sample, spacing and origin themselves";
                 return Err(Error::format(&self.path, "", what, hint).into());
             }
@@ -129,7 +132,7 @@ impl SceneFile {
             spacing,
         };
         let grid = read::density(&file, &raw, report.progress())?;
-        Ok(Some(Described { grid, conventions: Vec::new() }))
+        Ok(Described { grid, conventions: Vec::new() })
     }
 }
 

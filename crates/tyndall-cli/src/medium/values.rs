@@ -15,6 +15,26 @@ pub(crate) fn positive(text: &str) -> Result<f32> {
     number.ok_or_else(|| Error::setting("a length or factor", text, "a number greater than 0"))
 }
 
+/// The distance of grid points, or that it is to be found.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Voxel {
+    Auto,
+    Length(f32),
+}
+
+impl FromStr for Voxel {
+    type Err = Error;
+
+    fn from_str(text: &str) -> Result<Self> {
+        match text {
+            "auto" => Ok(Self::Auto),
+            _ => positive(text)
+                .map(Self::Length)
+                .map_err(|_| Error::setting("voxel", text, "auto, or a length greater than 0")),
+        }
+    }
+}
+
 /// One number for all channels, or three.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Rgb(pub(crate) [f32; 3]);

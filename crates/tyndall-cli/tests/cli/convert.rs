@@ -56,3 +56,71 @@ fn what_cannot_be_converted_says_why_and_writes_nothing() {
     folder.line("convert c.csv -o b.csv --on-bad error").fails(3, &["1 of 2 particles cannot be drawn"]);
     assert_eq!(folder.names(), ["a.xyz", "c.csv"]);
 }
+
+#[test]
+fn particles_become_grids_of_voxels() {
+    let folder = Folder::new();
+    // A block of particles that move along x at twice their height.
+    let mut rows = "1000\nProperties=pos:R:3:w:R:1:vel:R:3\n".to_string();
+    for k in 0..1000 {
+        let at = [k % 10, k / 10 % 10, k / 100].map(|it| 0.5 * f64::from(it));
+        rows += &format!("{} {} {} 2 {} 0 1\n", at[0], at[1], at[2], 2.0 * at[2]);
+    }
+    folder.file("a.xyz", &rows);
+    let told = folder.line("convert a.xyz -o a.vdb --field density,w,vel --voxel 0.25").fine();
+    assert!(told.contains("1,000 particles · grid") && told.contains("voxels of 0.25"), "{told}");
+    assert!(!told.contains("found by"), "{told}");
+    let info = folder.line("info a.vdb").out;
+    assert!(info.starts_with("OpenVDB 224 · 3 grids\ndensity float · fog volume · "), "{info}");
+    assert!(info.contains("\nvel vec3s · ") && info.contains("active voxels of 0.25 · x "), "{info}");
+    let json = folder.line("info a.vdb --json").out;
+    assert!(json.contains("\"name\": \"density\"") && json.contains("\"scale\""), "{json}");
+
+    // Grids to grids: the same again, some of them, in fewer bits.
+    folder.line("convert a.vdb -o b.vdb").fine();
+    assert_eq!(std::fs::read(folder.path("a.vdb")).unwrap(), std::fs::read(folder.path("b.vdb")).unwrap());
+    folder.line("convert a.vdb -o c.vdb --fields w --half").fine();
+    let info = folder.line("info c.vdb").out;
+    assert!(info.contains("1 grid\nw float as half · "), "{info}");
+    folder.line("convert a.vdb -o a.vdb").fails(2, &["this one is being read"]);
+    folder
+        .line("convert a.vdb -o d.vdb --fields rho")
+        .fails(2, &["'rho'", "density (float), w (float), vel"]);
+    folder.line("convert a.vdb -o d.csv").fails(3, &["a.vdb", "has no particles", "[grid]"]);
+
+    // The picture of the grid is about that of the particles.
+    let view = "--eye 9,7,5 --look-at 2,2,2 --up 0,0,1 --extinction 0.5 --light sun:1,-1,-1:3 --size 64x48";
+    folder.line(&format!("render a.xyz -o a.png --mode medium --voxel 0.25 {view}")).fine();
+    let told = folder.line(&format!("render a.vdb -o b.png {view}")).fine();
+    assert!(told.contains("density: grid 'density' of density (float), w (float), vel (vec3s)"), "{told}");
+    let [a, b] = ["a.png", "b.png"].map(|name| super::png(&folder.path(name)).0);
+    let apart = a.iter().zip(&b).map(|(a, b)| u64::from(a.abs_diff(*b))).sum::<u64>() as f64 / a.len() as f64;
+    assert!(apart < 0.5 && a.iter().any(|it| *it > 60), "{apart}");
+    folder.line("render a.vdb -o w.png --dataset w --size 32x24").fine();
+    folder.line("render a.vdb -o w.png --dataset vel --size 32x24").fails(3, &["of vectors"]);
+
+    // Numbered files, and frames of them.
+    folder.file("s.xyz", line_of(30) + &line_of(50));
+    folder.line("convert s.xyz -o s.%02d.vdb").fine();
+    assert!(folder.path("s.00.vdb").exists() && folder.path("s.01.vdb").exists());
+    folder.line("render s.00.vdb s.01.vdb -o s.%d.png --size 32x24").fine();
+    assert!(folder.path("s.1.png").exists());
+}
+
+#[test]
+fn what_becomes_no_grid_says_why() {
+    let folder = Folder::new();
+    folder.file("a.xyz", line_of(30) + &line_of(50));
+    folder
+        .line("convert a.xyz -o a.vdb --field density,c_pc")
+        .fails(2, &["--fields cannot be 'c_pc'", "did you mean 'c_pe'?", "density species c_pe"]);
+    folder.line("convert a.xyz -o a.vdb --field density,density").fails(2, &["each grid once"]);
+    folder.line("convert a.xyz -o a.vdb --voxel none").fails(2, &["--voxel cannot be 'none'", "auto"]);
+    folder.line("convert a.xyz -o a.csv --half").fails(2, &["--half", "-o NAME.vdb"]);
+    folder.line("convert a.xyz -o a.vdb --frames 0:2").fails(2, &["holds one frame, not 2"]);
+    folder.line("convert a.xyz -o none/a.vdb").fails(4, &["its folder does not exist"]);
+    folder.line("convert a.xyz -o a.vdb --voxel 1e-9").fails(2, &["grid"]);
+    assert_eq!(folder.names(), ["a.xyz"]);
+    let told = folder.line("convert a.xyz -o a.vdb --voxel auto").fine();
+    assert!(told.contains("found by the smoothing lengths") && told.contains("note: frame 0 of 2"), "{told}");
+}

@@ -1,6 +1,6 @@
-//! What the categories of PDBx/mmCIF mean, as text or as BinaryCIF: atoms, cell and assemblies.
+//! What the categories of PDBx/mmCIF mean, as text, as BinaryCIF or in formats with the same columns: atoms, cell and assemblies.
 //!
-//! An [`AtomSite`] takes the columns of `_atom_site` by name and gives a frame; a [`Document`] has the small categories. Author's names of
+//! An [`AtomSite`] takes the columns of `_atom_site` by name and gives a frame; a [`Document`] has the small categories, an [`Entry`] what they say. Author's names of
 //! chains and residues are preferred, as they are printed; the archive's names of chains, by which assemblies are made, are `asym`.
 
 use std::collections::HashMap;
@@ -172,8 +172,8 @@ impl AtomSite {
     }
 
     /// The atoms as a frame.
-    pub(super) fn frame(mut self, path: &Path, document: &Document, request: &Request) -> Result<Frame> {
-        let mut conventions = vec!["lengths: Å (mmCIF convention)".to_string()];
+    pub(super) fn frame(mut self, path: &Path, entry: Entry, request: &Request) -> Result<Frame> {
+        let mut conventions = vec![format!("lengths: Å ({} convention)", entry.format)];
         let mut axis = |place: usize| match self.columns[place].take() {
             Some(Data::Floats(column)) => Ok(column),
             _ => {
@@ -214,16 +214,15 @@ impl AtomSite {
             positions,
             attributes,
             radii: None,
-            cell: document.cell(&mut conventions),
+            cell: entry.cell(&mut conventions),
             time: None,
             length_unit: Some("Å".to_string()),
             bonds: Vec::new(),
         };
-        let assemblies = document.assemblies();
         let columns = match &request.options.assembly {
-            Some(wanted) => assembly::apply(columns, &assemblies, wanted, "asym")?,
+            Some(wanted) => assembly::apply(columns, &entry.assemblies, wanted, "asym")?,
             None => {
-                conventions.extend(assembly::offer(&assemblies));
+                conventions.extend(assembly::offer(&entry.assemblies));
                 columns
             }
         };
@@ -247,6 +246,35 @@ fn elements(attributes: &mut Vec<Attribute>) {
     let symbol = |name: &String| Element::from_atom_name(name).map_or("", Element::symbol).to_string();
     let names = names.iter().map(symbol).collect();
     attributes.push(Attribute::new("element", 1, Values::Text { codes: codes.clone(), names }));
+}
+
+/// What stands beside the atoms.
+#[derive(Debug, Default)]
+pub(super) struct Entry {
+    /// What the format is called.
+    pub(super) format: &'static str,
+    /// Lengths of the cell's edges in Å, and the angles between them in degrees.
+    pub(super) lattice: Option<[[f64; 3]; 2]>,
+    /// The space group, if it is told.
+    pub(super) space_group: Option<String>,
+    /// The assemblies, by the archive's names of chains.
+    pub(super) assemblies: Vec<Assembly>,
+}
+
+impl Entry {
+    /// The cell, if it is that of a simulation; says so if it is that of a crystal.
+    fn cell(&self, conventions: &mut Vec<String>) -> Option<tyndall::Cell> {
+        let [lengths, angles] = self.lattice?;
+        // A cell of 1 Å is what stands where there is none.
+        let cell = molecules::cell_of_angles(lengths, angles).filter(|_| lengths != [1.0; 3])?;
+        match &self.space_group {
+            Some(group) if !molecules::is_simple(group) => {
+                conventions.push(molecules::crystal(group));
+                None
+            }
+            _ => Some(cell),
+        }
+    }
 }
 
 /// The small categories: for each its items, and the values of each; missing ones are empty.
@@ -275,19 +303,17 @@ impl Document {
         Some(numbers)
     }
 
-    /// The cell, if it is that of a simulation; says so if it is that of a crystal.
-    fn cell(&self, conventions: &mut Vec<String>) -> Option<tyndall::Cell> {
-        let lengths = self.numbers("cell", ["length_a", "length_b", "length_c"], 0)?;
-        let angles = self.numbers("cell", ["angle_alpha", "angle_beta", "angle_gamma"], 0)?;
-        let cell = molecules::cell_of_angles(lengths, angles).filter(|_| lengths != [1.0; 3])?;
+    /// What they say about the atoms.
+    pub(super) fn entry(&self) -> Entry {
+        let lengths = self.numbers("cell", ["length_a", "length_b", "length_c"], 0);
+        let angles = self.numbers("cell", ["angle_alpha", "angle_beta", "angle_gamma"], 0);
         let groups = [("symmetry", "space_group_name_H-M"), ("space_group", "name_H-M_alt")];
         let group = groups.iter().find_map(|(category, item)| self.column(category, item).first());
-        match group {
-            Some(group) if !molecules::is_simple(group) => {
-                conventions.push(molecules::crystal(group));
-                None
-            }
-            _ => Some(cell),
+        Entry {
+            format: "mmCIF",
+            lattice: lengths.zip(angles).map(|(lengths, angles)| [lengths, angles]),
+            space_group: group.cloned(),
+            assemblies: self.assemblies(),
         }
     }
 

@@ -4,16 +4,15 @@
 //! read at all. What the columns mean: `atom_site.rs`. Source: BinaryCIF specification 0.3.0, github.com/molstar/BinaryCIF.
 
 mod encoding;
-mod message;
 
 use std::path::Path;
 
 use tyndall::{Error, Progress, Result};
 
 use self::encoding::Column;
-use self::message::Value;
 use super::atom_site::{AtomSite, CATEGORIES, Data, Document, Kind, MOST_OPERATORS, kind};
 use super::column::Words;
+use super::message::{self, Value};
 use super::{Index, Request, Span};
 use crate::sequence::{Frame, Options};
 
@@ -226,7 +225,7 @@ pub(crate) fn frame(
         }
     }
     progress.advance(bytes.len() as u64);
-    sites.frame(path, &document, request)
+    sites.frame(path, document.entry(), request)
 }
 
 #[cfg(test)]

@@ -200,7 +200,7 @@ pub(crate) fn frame(
     }
     let sites =
         sites.ok_or_else(|| Error::format(path, "", "no loop _atom_site", "was the file changed?"))?;
-    sites.frame(path, &document, request)
+    sites.frame(path, document.entry(), request)
 }
 
 #[cfg(test)]

@@ -33,6 +33,11 @@ impl<'a> Cursor<'a> {
         Self { path, bytes, place, order, hint, ended: false }
     }
 
+    /// The file.
+    pub(crate) fn path(&self) -> &'a Path {
+        self.path
+    }
+
     /// Where the next byte is, from the file's first.
     pub(crate) fn place(&self) -> usize {
         self.place

@@ -1,8 +1,8 @@
-//! Density grids of files that say themselves where their samples lie: OpenDX, VTK's image data and structured points.
+//! Density grids of files that say themselves where their samples lie: OpenDX, VTK's image data and structured points, OpenVDB.
 //!
 //! Takes a file, gives a grid of cubes: where the file's samples lie at other distances along one axis than along another, values are
 //! interpolated at the smallest of the three. OpenDX: text, z fastest. Source: the OpenDX user's guide, appendix B; VTK's formats as in
-//! the module `vtk`.
+//! the module `vtk`; OpenVDB's in [`mod@crate::vdb`].
 
 use std::path::Path;
 
@@ -12,6 +12,7 @@ use tyndall::{Error, Progress, Result, Vec3};
 
 use super::column::{self, Separator};
 use super::{Packing, vtk};
+use crate::vdb;
 
 /// Distances that differ by no more than this share count as equal.
 const EQUAL: f64 = 1e-4;
@@ -36,8 +37,8 @@ pub(super) struct Samples {
     pub(super) values: Vec<f32>,
 }
 
-/// Reads a grid from a file that says where its samples lie: an OpenDX field (`.dx`), a VTK image (`.vti`) or legacy VTK structured
-/// points. `array` names one of several arrays; `scale` is the density of a sample of value 1.
+/// Reads a grid from a file that says where its samples lie: an OpenDX field (`.dx`), a VTK image (`.vti`), legacy VTK structured
+/// points, or OpenVDB (`.vdb`). `array` names one of several arrays or grids; `scale` is the density of a sample of value 1.
 ///
 /// Fails with [`Error::Format`] if the file is damaged or of another format, and with [`Error::Setting`] where
 /// [`Grid::from_dense`] does: a negative density, for example.
@@ -51,8 +52,11 @@ pub fn described_density(
         return Err(Error::setting("scale", scale, "a finite number of at least 0"));
     }
     let (head, packing) = super::head(path)?;
+    if vdb::recognise(&head) {
+        return vdb::described(path, array, scale, progress);
+    }
     if !vtk::recognise(&head) && !is_dx(&head) {
-        let what = "neither OpenDX nor a VTK image: the file does not say where its samples lie";
+        let what = "neither OpenDX, OpenVDB nor a VTK image: the file does not say where its samples lie";
         return Err(Error::format(path, "", what, "give size and spacing of a raw grid in [grid]"));
     }
     let (map, unpacked);
@@ -152,7 +156,7 @@ impl Samples {
 }
 
 /// A file whose samples are a grid, where particles were wanted.
-pub(super) fn no_particles(path: &Path, kind: &str) -> Error {
+pub(crate) fn no_particles(path: &Path, kind: &str) -> Error {
     let what = format!("this is a grid of samples ({kind}), it has no particles");
     let hint =
         "a uniform grid can be rendered as a medium: name it as file in the table [grid] of a scene file";

@@ -4,6 +4,8 @@
 //! formats read a `Feed` frame by frame; the others take the whole content at once.
 
 mod amber;
+#[cfg(feature = "parquet")]
+pub(crate) mod arrow;
 mod assembly;
 mod atom_site;
 mod bcif;
@@ -11,7 +13,7 @@ mod bgeo;
 mod cif;
 mod column;
 mod content;
-mod cursor;
+pub(crate) mod cursor;
 mod dcd;
 mod decimal;
 mod density;
@@ -31,11 +33,13 @@ mod las;
 mod lattice;
 mod lzf;
 mod map;
+mod message;
 mod mmpld;
+mod mmtf;
 mod molecules;
 mod netcdf;
 pub(crate) mod npy;
-mod numbers;
+pub(crate) mod numbers;
 mod pcd;
 mod pda;
 mod pdb;
@@ -44,7 +48,7 @@ mod prt;
 mod ptc;
 mod pts;
 #[cfg(test)]
-mod real_data;
+pub(crate) mod real_data;
 mod records;
 mod rows;
 mod sections;
@@ -67,8 +71,10 @@ use tyndall::{Columns, Error, Particles, Progress, Result};
 use crate::saved;
 use crate::sequence::{Frame, Options};
 use crate::topology::Topology;
+use crate::vdb;
 pub use density::{RawGrid, Sample, density};
 pub(crate) use feed::Feed;
+pub(crate) use lattice::no_particles;
 pub use lattice::{Described, described_density};
 pub(crate) use map::{map, map_in_pieces, open};
 pub(crate) use rows::open_end;
@@ -302,11 +308,34 @@ pub(crate) const FORMATS: &[Format] = &[
         open: Open::Binary { index: bcif::index, frame: bcif::frame },
     },
     Format {
+        names: &["mmtf"],
+        title: "MMTF",
+        recognise: |head, _| mmtf::recognise(head),
+        features: &[Feature::Assemblies],
+        open: Open::Binary { index: mmtf::index, frame: mmtf::frame },
+    },
+    Format {
         names: &["gsd"],
         title: "GSD",
         recognise: |head, _| gsd::recognise(head),
         features: &[],
         open: Open::Binary { index: gsd::index, frame: gsd::frame },
+    },
+    #[cfg(feature = "parquet")]
+    Format {
+        names: &["parquet"],
+        title: "Parquet",
+        recognise: |head, _| arrow::parquet::recognise(head),
+        features: &[],
+        open: Open::Binary { index: arrow::parquet::index, frame: arrow::parquet::frame },
+    },
+    #[cfg(feature = "parquet")]
+    Format {
+        names: &["arrow", "feather", "ipc"],
+        title: "Arrow",
+        recognise: |head, _| arrow::ipc::recognise(head),
+        features: &[],
+        open: Open::Binary { index: arrow::ipc::index, frame: arrow::ipc::frame },
     },
     Format {
         names: &["ply"],
@@ -450,6 +479,9 @@ pub(crate) fn recognise(path: &Path, options: &Options) -> Result<(&'static Form
     if lattice::is_dx(&head) {
         return Err(lattice::no_particles(path, "OpenDX"));
     }
+    if vdb::recognise(&head) {
+        return Err(vdb::no_particles(path));
+    }
     if let Some(error) = unreadable::explain(path, &head) {
         return Err(error);
     }
@@ -461,7 +493,7 @@ pub(crate) fn recognise(path: &Path, options: &Options) -> Result<(&'static Form
 }
 
 /// The first bytes of the unpacked content.
-fn head(path: &Path) -> Result<(Vec<u8>, Packing)> {
+pub(crate) fn head(path: &Path) -> Result<(Vec<u8>, Packing)> {
     let io = |source| Error::io(path, source);
     let mut file = open(path)?;
     let mut magic = Vec::new();

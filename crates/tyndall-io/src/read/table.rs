@@ -181,14 +181,14 @@ fn separator(lines: &[&[u8]]) -> Separator {
 }
 
 /// Which columns the coordinates are: x, y and, where there is one, z.
-fn coordinates(names: &[String]) -> Option<(usize, usize, Option<usize>)> {
+pub(crate) fn coordinates(names: &[String]) -> Option<(usize, usize, Option<usize>)> {
     let names: Vec<String> = names.iter().map(|it| name_and_unit(it).0.to_ascii_lowercase()).collect();
     let place = |name: &str| names.iter().position(|it| it == name);
     COORDINATES.iter().find_map(|[x, y, z]| Some((place(x)?, place(y)?, place(z))))
 }
 
 /// `x [m]` and `x (m)` are the name and the unit.
-fn name_and_unit(heading: &str) -> (&str, Option<&str>) {
+pub(crate) fn name_and_unit(heading: &str) -> (&str, Option<&str>) {
     for (open, close) in [(" [", ']'), (" (", ')'), ("[", ']')] {
         if let Some((name, unit)) = heading.split_once(open)
             && let Some(unit) = unit.strip_suffix(close)

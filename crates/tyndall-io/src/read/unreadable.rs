@@ -21,11 +21,6 @@ struct Known {
 const KNOWN: &[Known] = &[
     #[cfg(not(feature = "hdf5"))]
     Known { name: "HDF5", is: is_hdf5, way_out: "build with the feature hdf5, which reads it" },
-    Known {
-        name: "MMTF",
-        is: |head| matches!(head.first(), Some(0x80..=0x8f | 0xde | 0xdf)) && head_has(head, b"mmtf"),
-        way_out: "download the entry as BinaryCIF or mmCIF, which replaced it",
-    },
     Known { name: "XDMF", is: |head| head_has(head, b"<Xdmf"), way_out: PARAVIEW },
     Known {
         name: "Krakatoa PRT 2 or SPRT",
@@ -45,20 +40,27 @@ const KNOWN: &[Known] = &[
         is: |head| head.starts_with(b"PXR-USDC") || head.starts_with(b"#usda"),
         way_out: EFFECTS,
     },
-    Known {
-        name: "OpenVDB",
-        is: |head| head.starts_with(b" BDV"),
-        way_out: "give the particles, not the grid",
-    },
+    #[cfg(not(feature = "parquet"))]
     Known {
         name: "Parquet",
         is: |head| head.starts_with(b"PAR1"),
-        way_out: "save it as CSV, or with numpy.savez",
+        way_out: "build with the feature parquet, which reads it, or save it as CSV or with numpy.savez",
     },
+    #[cfg(not(feature = "parquet"))]
     Known {
         name: "Arrow",
         is: |head| head.starts_with(b"ARROW1"),
-        way_out: "save it as CSV, or with numpy.savez",
+        way_out: "build with the feature parquet, which reads it, or save it as CSV or with numpy.savez",
+    },
+    Known {
+        name: "Parquet with an encrypted footer",
+        is: |head| head.starts_with(b"PARE"),
+        way_out: "write it without encryption",
+    },
+    Known {
+        name: "Feather 1",
+        is: |head| head.starts_with(b"FEA1"),
+        way_out: "write it again as Feather 2 or Parquet: pandas.read_feather, then to_feather",
     },
     Known {
         name: "LZ4",
@@ -100,7 +102,9 @@ mod tests {
 
     #[test]
     fn known_beginnings_are_named_with_a_way_out() {
-        let cases: [(&[u8], &str); 5] = [
+        let cases: [(&[u8], &str); 7] = [
+            (b"FEA1\0\0\0\0", "Feather 1"),
+            (b"PARE", "encrypted"),
             (b"#usda 1.0\n", "USD"),
             (b"Ogawa\xff\0", "Alembic"),
             (b"<?xml version=\"1.0\"?>\n<Xdmf>", "XDMF"),
@@ -110,6 +114,15 @@ mod tests {
         for (head, name) in cases {
             let message = named(head);
             assert!(message.contains(name) && message.contains("does not read yet"), "{name}: {message}");
+        }
+    }
+
+    #[cfg(not(feature = "parquet"))]
+    #[test]
+    fn what_another_build_reads_says_which() {
+        for (head, name) in [(&b"PAR1\x15\x04"[..], "Parquet"), (b"ARROW1\0\0", "Arrow")] {
+            let message = named(head);
+            assert!(message.contains(name) && message.contains("the feature parquet"), "{message}");
         }
     }
 

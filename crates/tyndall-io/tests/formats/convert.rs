@@ -9,7 +9,11 @@ use tyndall_io::write;
 use super::{Folder, fixture, frame, open};
 
 /// Formats that are written and read, by their extensions.
+#[cfg(not(feature = "parquet"))]
 const FORMATS: [&str; 10] = ["xyz", "dump", "csv", "tsv", "ply", "npy", "npz", "vtp", "prt", "bgeo"];
+#[cfg(feature = "parquet")]
+const FORMATS: [&str; 12] =
+    ["xyz", "dump", "csv", "tsv", "ply", "npy", "npz", "vtp", "prt", "bgeo", "parquet", "feather"];
 
 /// Particles with all types of columns.
 fn sample(count: usize, center: DVec3) -> Particles {
@@ -118,7 +122,8 @@ fn every_pair_of_formats_keeps_the_particles() {
 fn cell_and_time_are_kept_where_there_is_a_place() {
     let folder = Folder::new("cells");
     let original = sample(5, DVec3::ZERO);
-    for format in ["xyz", "dump"] {
+    let with_cells = ["xyz", "dump", "parquet", "feather"];
+    for format in with_cells.into_iter().filter(|it| FORMATS.contains(it)) {
         let found = convert(&original, &folder.file(&format!("a.{format}"), b""));
         let (a, b) = (original.cell().unwrap(), found.cell().unwrap());
         assert_eq!((b.periodic, found.time()), (a.periodic, Some(250.0)), "{format}");
@@ -134,7 +139,7 @@ fn cell_and_time_are_kept_where_there_is_a_place() {
 fn coordinates_far_from_zero_keep_their_precision() {
     let folder = Folder::new("far");
     let original = sample(9, DVec3::new(6.4e6, -2.1e7, 9.0e8));
-    for format in ["xyz", "dump", "csv", "ply", "npy", "npz", "vtp", "prt"] {
+    for format in FORMATS.into_iter().filter(|it| !["tsv", "bgeo"].contains(it)) {
         let found = convert(&original, &folder.file(&format!("a.{format}"), b""));
         for id in 0..original.len() {
             let (a, b) = (original.positions().world(id), found.positions().world(id));

@@ -6,6 +6,8 @@ mod cosmology;
 mod effects;
 mod molecules;
 mod saved;
+#[cfg(feature = "parquet")]
+mod tables;
 mod text;
 mod wanted;
 

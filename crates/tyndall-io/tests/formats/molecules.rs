@@ -1,12 +1,14 @@
 //! Molecular formats: the shared real files, where they are.
 
+use std::collections::HashMap;
+
 use serde_json::Value;
 use tyndall::particles::Values;
 use tyndall::{Cell, DVec3, Particles};
 
 use tyndall_io::{Options, Sequence};
 
-use super::{Folder, check_frame, check_shared, check_truncated, frame, open, shared, vector};
+use super::{Folder, check_frame, check_shared, check_truncated, fixture, frame, open, shared, vector};
 
 /// The word that `attribute` has for particle `id`.
 fn word(particles: &Particles, attribute: &str, id: usize) -> String {
@@ -350,6 +352,81 @@ fn the_shared_mmcif_entries_are_read() {
 }
 
 #[test]
+fn the_shared_mmtf_entry_is_that_of_mmcif() {
+    let name = "molecular/4HHB.mmtf";
+    let Some((folder, all)) = shared() else { return };
+    let sequence = open(&folder.join(name));
+    assert_eq!((sequence.len(), sequence.format()), (1, "MMTF"));
+    let entry = frame(&sequence, 0);
+    let mut expected = all["files"][name]["expected"].clone();
+    expected["bounds"] = expected["bounds_all_models"].clone();
+    check_frame(name, &entry.particles, &expected);
+    assert!(entry.conventions.contains(&"left out: 4,700 bonds".to_string()), "{:?}", entry.conventions);
+    assert!(entry.particles.cell().is_none(), "the cell is that of a crystal");
+    let other = frame(&open(&folder.join("molecular/4hhb.cif")), 0).particles;
+    check_atoms(&entry.particles, &all["files"]["molecular/4hhb.cif"]["expected"]);
+    // What is no protein stands in another order.
+    let key = |particles: &Particles, id: usize| {
+        particles.positions().world(id).to_array().map(|it| (1000.0 * it).round() as i64)
+    };
+    let places: HashMap<[i64; 3], usize> =
+        (0..other.len()).map(|place| (key(&other, place), place)).collect();
+    for id in 0..other.len() {
+        let [one, two] = [(&entry.particles, id), (&other, places[&key(&entry.particles, id)])];
+        // The archive has given what is no protein other names since.
+        let is_protein = id < 4384;
+        for attribute in ["name", "element", "resname", "chain", "asym", "entity"] {
+            if !is_protein && ["asym", "entity"].contains(&attribute) {
+                continue;
+            }
+            let [one, two] = [one, two].map(|(particles, id)| word(particles, attribute, id));
+            assert_eq!(one, two, "{attribute} of {id}");
+        }
+        for attribute in ["resid", "b_factor", "occupancy"] {
+            let [one, two] = [one, two].map(|(particles, id)| number(particles, attribute, id));
+            assert!((one - two).abs() < 1e-5, "{attribute} of {id} is {one}, not {two}");
+        }
+    }
+    assert_eq!(open_assembly(name, "1").unwrap().len(), 4779);
+    cut(name);
+    let temporary = Folder::new("mmtf");
+    let packed = temporary.file("4HHB.mmtf.gz", &super::gzip(&std::fs::read(folder.join(name)).unwrap()));
+    assert_eq!(frame(&open(&packed), 0).particles.len(), 4779);
+}
+
+#[test]
+fn models_chains_and_assemblies_of_mmtf_are_told_apart() {
+    let path = fixture("samples/protein.mmtf");
+    let sequence = open(&path);
+    assert_eq!((sequence.len(), sequence.format()), (2, "MMTF"));
+    let [first, second] = [0, 1].map(|it| frame(&sequence, it).particles);
+    assert_eq!((first.len(), second.len()), (12, 12));
+    assert_eq!(second.positions().world(0), first.positions().world(0) + DVec3::X);
+    for particles in [&first, &second] {
+        assert_eq!((word(particles, "chain", 0), word(particles, "asym", 11)), ("A".into(), "C".into()));
+        assert_eq!(
+            (word(particles, "resname", 0), word(particles, "resname", 11)),
+            ("GLY".into(), "NA".into())
+        );
+        assert_eq!((word(particles, "name", 1), word(particles, "element", 11)), ("CA".into(), "Na".into()));
+        assert_eq!((word(particles, "entity", 4), word(particles, "entity", 11)), ("1".into(), "2".into()));
+        assert_eq!((word(particles, "icode", 4), word(particles, "altloc", 3)), ("A".into(), "B".into()));
+        assert_eq!([0, 4, 11].map(|it| number(particles, "resid", it)), [7.0, 8.0, 101.0]);
+        assert_eq!((number(particles, "charge", 0), number(particles, "charge", 11)), (0.0, 1.0));
+    }
+    assert_eq!([first.len() - 1, 0].map(|it| number(&first, "id", it)), [12.0, 1.0]);
+    assert_eq!(number(&second, "id", 0), 13.0);
+    check_cell(first.cell().unwrap(), &serde_json::json!([10.0, 20.0, 30.0, 90.0, 90.0, 90.0]));
+
+    let options = Options { assembly: Some("dimer".to_string()), ..Options::default() };
+    let whole = frame(&Sequence::open(&[path], &options, &()).unwrap(), 1).particles;
+    assert_eq!(whole.len(), 20, "two copies of chains A and B");
+    let [one, other] = [0, 8].map(|it| whole.positions().world(it));
+    assert!(other.abs_diff_eq(DVec3::new(5.0 - one.x, -one.y, one.z), 1e-5), "{one} became {other}");
+    assert_eq!(number(&whole, "operator", 12), 2.0);
+}
+
+#[test]
 fn the_shared_gsd_file_is_read() {
     let Some((sequence, expected)) = check_shared("molecular/example.gsd") else { return };
     assert_eq!(sequence.format(), "GSD");
@@ -372,5 +449,5 @@ fn an_assembly_of_a_file_that_has_none_is_refused() {
     let path = folder.file("a.gro", gro(2).as_bytes());
     let options = Options { assembly: Some("1".to_string()), ..Options::default() };
     let message = Sequence::open(&[path], &options, &()).err().unwrap().to_string();
-    assert!(message.contains("only PDB, mmCIF and BinaryCIF"), "{message}");
+    assert!(message.contains("only PDB, mmCIF, BinaryCIF and MMTF"), "{message}");
 }

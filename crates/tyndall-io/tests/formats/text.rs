@@ -455,14 +455,8 @@ fn a_wrong_expectation_raises_the_alarm() {
 }
 
 #[test]
-fn known_formats_that_are_not_read_are_named() {
+fn a_grid_is_no_particles() {
     let Some((folder, _)) = shared() else { return };
-    let cases = [("molecular/4HHB.mmtf", "MMTF")];
-    for (name, format) in cases {
-        let error = Sequence::open(&[folder.join(name)], &Options::default(), &()).err();
-        let error = error.unwrap_or_else(|| panic!("{name} was opened")).to_string();
-        assert!(error.contains("does not read yet") && error.contains(format), "{name}: {error}");
-    }
     let grid = Sequence::open(&[folder.join("volume/hf.dx")], &Options::default(), &());
     assert!(grid.is_err(), "a grid was opened as particles");
 }

@@ -8,7 +8,7 @@ use std::path::Path;
 
 use tyndall::particles::{Particles, View};
 use tyndall::{Error, Result};
-use tyndall_io::{Frame, Options, Sequence, read};
+use tyndall_io::{Frame, Options, Sequence, read, vdb};
 
 /// What was read of one frame.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -21,7 +21,7 @@ pub(crate) struct Seen {
     pub(crate) warnings: Vec<String>,
 }
 
-/// Reads all frames of `path`, as the format of that name or as the one that is recognised, then tries it as a density and as a sky.
+/// Reads all frames of `path`, as the format of that name or as the one that is recognised, then tries it as a density, as a sky and as grids.
 ///
 /// # Panics
 /// Where an error does not say which file it is about.
@@ -29,7 +29,7 @@ pub(crate) fn attempt(path: &Path, format: Option<&str>) -> std::result::Result<
     let options = Options { format: format.map(str::to_string), ..Options::default() };
     let frames = frames(path, &options);
     if let Ok((format, _)) = &frames
-        && (format.contains("PDB") || format.contains("CIF"))
+        && ["PDB", "CIF", "MMTF"].iter().any(|it| format.contains(it))
         && std::fs::metadata(path).is_ok_and(|it| it.len() < 1 << 16)
     {
         // All copies of all atoms are as many as the file asks for: of large ones that is no measure.
@@ -40,6 +40,11 @@ pub(crate) fn attempt(path: &Path, format: Option<&str>) -> std::result::Result<
         judge(path, &error);
     }
     if let Err(error) = read::sky(path, [1.0; 3]) {
+        judge(path, &error);
+    }
+    if vdb::is_vdb(path).unwrap_or(false)
+        && let Err(error) = vdb::read(path, None, &())
+    {
         judge(path, &error);
     }
     match frames {

@@ -2,6 +2,8 @@
 
 use std::io::Write;
 
+use tyndall_io::vdb::{self, Class, Grid, LEAF_VOXELS, Leaf, Precision, Tile, Transform, Tree};
+
 use crate::files::Folder;
 use crate::watch::watched;
 
@@ -87,5 +89,31 @@ fn lists_that_name_themselves_or_no_file_are_refused() {
         assert!(made.success());
         refused(&folder, "pipe.pvd", list("pipe").as_bytes());
         refused(&folder, "pipe.pvtp", piece("pipe").as_bytes());
+    }
+}
+
+#[test]
+fn voxels_take_no_memory_for_what_is_between_them() {
+    let folder = Folder::empty("vdb-bomb");
+    let tree =
+        |leaves: Vec<Leaf>, tiles: Vec<Tile>| Tree { components: 1, background: [0.0; 3], leaves, tiles };
+    let leaf = |origin: [i32; 3]| Leaf { origin, active: [u64::MAX; 8], values: vec![1.0; LEAF_VOXELS] };
+    let tile = |origin: [i32; 3], edge: i32| Tile { origin, edge, value: [2.0, 0.0, 0.0], is_active: true };
+    // Leaves that are zipped to nothing, with leaves left out between them; boxes of one value; two voxels at the ends of space.
+    let spread = (0..4096).map(|k| [k % 16, k / 16 % 16, k / 256].map(|it| 16 * it)).map(leaf).collect();
+    let trees = [
+        tree(spread, Vec::new()),
+        tree(Vec::new(), vec![tile([0; 3], 128), tile([128, 0, 0], 128), tile([0, 384, 0], 128)]),
+        tree(Vec::new(), vec![tile([0; 3], 4096)]),
+        tree(vec![leaf([i32::MIN; 3]), leaf([i32::MAX - 7; 3])], Vec::new()),
+    ];
+    for tree in trees {
+        let transform = Transform { scale: [0.5; 3], translation: [0.0; 3] };
+        let grid = Grid { name: "density".into(), class: Class::FogVolume, transform, tree };
+        let path = folder.0.join("a.vdb");
+        vdb::write(&path, &[grid], Precision::Full, &()).unwrap();
+        let bytes = std::fs::read(&path).unwrap();
+        let message = refused(&folder, "a.vdb", &bytes);
+        assert!(message.contains("OpenVDB"), "{message}");
     }
 }

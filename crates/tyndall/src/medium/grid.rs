@@ -6,18 +6,21 @@
 //!
 //! Invariant: a brick is stored with an apron of one sample beyond its far sides (9^3 values; at the border of the lattice the
 //! border's samples again), so that the eight corners of a cell lie in one brick. Bricks of nothing but 0 share the
-//! first stored one, which is all zero, so that a look-up has no branch for them.
+//! first stored one, which is all zero, so that a look-up has no branch for them; others that are alike share one too ([`Brick`]).
+
+mod bricks;
 
 use glam::{UVec3, Vec3};
 use rayon::prelude::*;
 
 use crate::error::{Error, Result};
 use crate::math::Bounds;
+pub use bricks::Brick;
 
 /// Samples along an edge of a brick.
 pub const BRICK: u32 = 8;
 /// Samples of a brick without its apron.
-pub(super) const CORE_SAMPLES: usize = (BRICK * BRICK * BRICK) as usize;
+pub const CORE_SAMPLES: usize = (BRICK * BRICK * BRICK) as usize;
 /// Samples along an edge of a brick with its apron.
 pub(crate) const EDGE: usize = BRICK as usize + 1;
 /// Samples of a brick with its apron.
@@ -58,12 +61,12 @@ impl Lattice {
     }
 
     /// How many bricks there are, stored or not.
-    pub(super) fn brick_count(&self) -> usize {
+    pub fn brick_count(&self) -> usize {
         self.bricks().iter().map(|&it| it as usize).product()
     }
 
     /// The coordinates of brick `number`, which counts x fastest.
-    pub(super) fn brick(&self, number: usize) -> [u32; 3] {
+    pub fn brick(&self, number: usize) -> [u32; 3] {
         let [x, y, _] = self.bricks().map(|it| it as usize);
         [number % x, number / x % y, number / (x * y)].map(|it| it as u32)
     }
@@ -116,7 +119,7 @@ pub struct Grid {
     lattice: Lattice,
     inv_spacing: f32,
     bricks: [u32; 3],
-    /// The place in `stored` of each brick, x fastest; 0 for those without density.
+    /// The place in `stored` of each brick, x fastest; 0 for those without density. Bricks that are alike may share one.
     places: Vec<u32>,
     stored: Vec<[f32; STORED]>,
     ranges: Vec<Range>,
@@ -148,60 +151,9 @@ impl Grid {
                     *sample = values[(k as usize * y_size + j as usize) * x_size + i as usize];
                 }
             }
-            core.iter().any(|&it| it > 0.0).then_some(core)
+            if core.iter().any(|&it| it > 0.0) { Brick::Samples(core) } else { Brick::EMPTY }
         };
         Ok(Self::from_cores(lattice, (0..lattice.brick_count()).into_par_iter().map(cut).collect()))
-    }
-
-    /// A grid of the samples of its bricks without aprons, x fastest; `None` where all are 0. The lattice is checked, the samples
-    /// are finite, and 0 beyond the lattice.
-    pub(super) fn from_cores(lattice: Lattice, cores: Vec<Option<Box<[f32; CORE_SAMPLES]>>>) -> Self {
-        let bricks = lattice.bricks();
-        let number = |brick: [u32; 3]| {
-            (brick[2] as usize * bricks[1] as usize + brick[1] as usize) * bricks[0] as usize
-                + brick[0] as usize
-        };
-        // A brick is stored if it or one of those that its apron reaches has a core.
-        let reached = |place: usize| {
-            let brick = lattice.brick(place);
-            let next = (0..8).map(|corner| std::array::from_fn(|axis| brick[axis] + (corner >> axis & 1)));
-            next.filter(|next: &[u32; 3]| (0..3).all(|axis| next[axis] < bricks[axis]))
-                .any(|next| cores[number(next)].is_some())
-        };
-        let sample = |at: [u32; 3]| {
-            let at: [u32; 3] = std::array::from_fn(|axis| at[axis].min(lattice.size[axis] - 1));
-            let inside = at.map(|it| (it % BRICK) as usize);
-            let core = cores[number(at.map(|it| it / BRICK))].as_ref();
-            core.map_or(0.0, |core| core[(inside[2] * 8 + inside[1]) * 8 + inside[0]])
-        };
-        let with_apron = |place: usize| {
-            let first = lattice.brick(place).map(|it| it * BRICK);
-            let mut stored = [0.0; STORED];
-            let mut place = 0;
-            for k in 0..EDGE as u32 {
-                for j in 0..EDGE as u32 {
-                    for i in 0..EDGE as u32 {
-                        stored[place] = sample([first[0] + i, first[1] + j, first[2] + k]);
-                        place += 1;
-                    }
-                }
-            }
-            stored
-        };
-
-        let kept: Vec<usize> = (0..cores.len()).into_par_iter().filter(|&place| reached(place)).collect();
-        let mut stored = vec![[0.0; STORED]; kept.len() + 1];
-        stored[1..].par_iter_mut().zip(&kept).for_each(|(stored, &place)| *stored = with_apron(place));
-        let mut places = vec![0; cores.len()];
-        let mut ranges = vec![Range::default(); cores.len()];
-        for (slot, &place) in kept.iter().enumerate() {
-            places[place] = slot as u32 + 1;
-            let samples = stored[slot + 1].iter();
-            let (min, max) = samples
-                .fold((f32::INFINITY, f32::NEG_INFINITY), |(min, max), &it| (min.min(it), max.max(it)));
-            ranges[place] = Range { min, max };
-        }
-        Self { lattice, inv_spacing: 1.0 / lattice.spacing, bricks, places, stored, ranges }
     }
 
     /// Where the samples lie.
@@ -356,6 +308,28 @@ impl Grid {
         [self.stored.len() - 1, self.places.len()]
     }
 
+    /// The box of the samples that are not 0, grown by a spacing: outside it the field is 0. `None` if all are 0.
+    pub fn filled_bounds(&self) -> Option<Bounds> {
+        let mut ends: Option<[UVec3; 2]> = None;
+        for number in (0..self.places.len()).filter(|&number| self.places[number] > 0) {
+            let brick = self.lattice.brick(number);
+            let first = UVec3::from_array(brick) * BRICK;
+            let beyond = UVec3::from_array(self.lattice.size) - first;
+            let full = (0..EDGE * EDGE * EDGE).filter(|&at| self.brick_samples(brick)[at] != 0.0);
+            for at in full {
+                let step = [at % EDGE, at / EDGE % EDGE, at / (EDGE * EDGE)];
+                let step = UVec3::from_array(step.map(|it| it as u32));
+                // An apron repeats what is in its neighbor, or beyond the lattice what is at its end.
+                if step.max_element() < BRICK && step.cmplt(beyond).all() {
+                    let at = first + step;
+                    ends = Some(ends.map_or([at; 2], |[low, high]| [low.min(at), high.max(at)]));
+                }
+            }
+        }
+        let [low, high] = ends?.map(|at| self.lattice.position(at.to_array()));
+        Some(Bounds { min: low, max: high }.grown(self.lattice.spacing))
+    }
+
     /// The sum of the samples times the volume of a cell: the mass that the grid holds.
     pub fn mass(&self) -> f64 {
         let own = |number: usize| {
@@ -373,7 +347,7 @@ impl Grid {
 
     /// The most memory that making a grid with so many bricks takes, of which `stored` have density: those are held twice.
     pub(super) fn bytes_to_make(bricks: u64, stored: u64) -> u64 {
-        let brick = 2 * size_of::<usize>() + size_of::<Vec<u8>>() + size_of::<u32>() + size_of::<Range>();
+        let brick = 2 * size_of::<Brick>() + size_of::<Vec<u8>>() + size_of::<u32>() + size_of::<Range>();
         let samples = size_of::<[f32; STORED]>() + size_of::<[f32; CORE_SAMPLES]>() + size_of::<usize>();
         bricks * brick as u64 + (stored + 1) * samples as u64
     }

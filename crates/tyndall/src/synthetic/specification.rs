@@ -3,7 +3,7 @@
 //! Invariant of what comes out: the name is one of [`NAMES`], the count is below 2^32 - 1.
 
 use super::{KEYS, NAMES};
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, nearest};
 
 /// What a specification says, with its defaults filled in.
 #[derive(Debug, PartialEq)]
@@ -61,24 +61,7 @@ fn known(word: &str, list: &[&'static str]) -> std::result::Result<&'static str,
         return Ok(found);
     }
     let allowed = format!("one of {}", list.join(", "));
-    let nearest =
-        list.iter().min_by_key(|it| edits(word, it)).filter(|it| edits(word, it) <= 2.min(it.len() / 2));
-    Err(nearest.map_or(allowed.clone(), |it| format!("did you mean '{it}'? {allowed}")))
-}
-
-/// How many letters must be inserted, deleted or replaced to make `a` into `b` (Levenshtein 1966).
-fn edits(a: &str, b: &str) -> usize {
-    let b: Vec<char> = b.chars().collect();
-    let mut row: Vec<usize> = (0..=b.len()).collect();
-    for (line, letter) in a.chars().enumerate() {
-        let mut diagonal = std::mem::replace(&mut row[0], line + 1);
-        for column in 0..b.len() {
-            let replaced = diagonal + usize::from(b[column] != letter);
-            diagonal = row[column + 1];
-            row[column + 1] = replaced.min(diagonal + 1).min(row[column] + 1);
-        }
-    }
-    row[b.len()]
+    Err(nearest(word, list).map_or(allowed.clone(), |it| format!("did you mean '{it}'? {allowed}")))
 }
 
 /// A whole number, also written as `1e7`, `2.5e6` or `1_000_000`.

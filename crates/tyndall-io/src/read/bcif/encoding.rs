@@ -3,7 +3,7 @@
 //! Invariant: no column becomes longer than the rows that the caller allows, whatever its run lengths say. Source: BinaryCIF
 //! specification 0.3.0 (Sehnal et al., PLoS Comput. Biol. 2020).
 
-use super::message::Value;
+use crate::read::message::Value;
 use crate::read::numbers::{Kind, Order};
 use crate::read::records::Source;
 

@@ -2,6 +2,8 @@
 //!
 //! A format is a file here and a line in `FORMATS`. What a format cannot hold is said, not dropped in silence.
 
+#[cfg(feature = "parquet")]
+mod arrow;
 mod bgeo;
 mod gltf;
 mod lammps;
@@ -27,8 +29,8 @@ use self::snapshot::Snapshot;
 use super::atomically;
 
 /// What is written to: formats with an index come back to their header.
-trait Out: Write + Seek {}
-impl<T: Write + Seek> Out for T {}
+trait Out: Write + Seek + Send {}
+impl<T: Write + Seek + Send> Out for T {}
 
 /// Which of how many frames of a file is written, and what is to be said of it.
 struct Place<'a> {
@@ -67,6 +69,10 @@ const FORMATS: &[Format] = &[
     Format { extensions: &["ply"], has_frames: false, write: ply::write },
     Format { extensions: &["npy"], has_frames: false, write: npy::write_array },
     Format { extensions: &["npz"], has_frames: false, write: npy::write_archive },
+    #[cfg(feature = "parquet")]
+    Format { extensions: &["parquet"], has_frames: false, write: arrow::write_parquet },
+    #[cfg(feature = "parquet")]
+    Format { extensions: &["arrow", "feather"], has_frames: false, write: arrow::write_ipc },
     Format { extensions: &["vtp"], has_frames: false, write: vtp::write },
     Format { extensions: &["mmpld"], has_frames: true, write: mmpld::write },
     Format { extensions: &["prt"], has_frames: false, write: prt::write },
@@ -80,10 +86,17 @@ fn format(path: &Path) -> Result<&'static Format> {
     let extension = path.extension().and_then(|it| it.to_str()).unwrap_or_default().to_ascii_lowercase();
     FORMATS.iter().find(|it| it.extensions.contains(&extension.as_str())).ok_or_else(|| {
         let known: Vec<String> = FORMATS.iter().map(|it| format!(".{}", it.extensions[0])).collect();
+        let missing = match extension.as_str() {
+            "parquet" | "arrow" | "feather" => "; a build with the feature parquet also has .parquet .arrow",
+            _ => "",
+        };
         Error::setting(
             "-o",
             path.display(),
-            format!("the extension says what to write; known: {}", known.join(" ")),
+            format!(
+                "the extension says what to write; known: {}{missing}, and .vdb for a density",
+                known.join(" ")
+            ),
         )
     })
 }

@@ -1,7 +1,7 @@
 """Writes the samples of this folder, a few particles in every format that can be read, mostly with the formats' own libraries.
 
 python make.py TYNDALL (the command, for formats that few others write; needs numpy, MDAnalysis, gsd, laspy, lazrs, pye57, vtk, msgpack,
-OpenEXR)
+OpenEXR, pyarrow; and Debian's python3-openvdb)
 """
 import bz2
 import gzip
@@ -171,6 +171,51 @@ def binary():
     write("protein.bcif", msgpack.packb(file))
 
 
+def mmtf():
+    """Two models of two amino acids in a chain each and four ions, with as many of the encodings as fit."""
+    def packed(codec, count, parameter, form, values):
+        return struct.pack(">iii", codec, count, parameter) + struct.pack(f">{len(values)}{form}", *values)
+
+    def narrow(values):
+        for value in values:
+            while abs(value) >= 32767:
+                part = 32767 if value > 0 else -32768
+                yield part
+                value -= part
+            yield value
+
+    def words(names):
+        return struct.pack(">iii", 5, len(names), 4) + b"".join(it.encode().ljust(4, b"\0") for it in names)
+
+    atoms = COUNT // 2
+    x, y, z = np.concatenate([positions[:atoms], positions[:atoms] + np.float32([1, 0, 0])]).T
+    x, y = (np.round(it * 1000).astype(int) for it in (x, y))
+    residue = {"groupName": "GLY", "atomNameList": ["N", "CA", "C", "O"], "elementList": ["N", "C", "C", "O"], "formalChargeList": [0] * 4,
+               "bondAtomList": [0, 1, 1, 2, 2, 3], "bondOrderList": [1, 1, 2], "singleLetterCode": "G", "chemCompType": "PEPTIDE LINKING"}
+    ion = {"groupName": "NA", "atomNameList": ["NA"], "elementList": ["Na"], "formalChargeList": [1], "bondAtomList": [], "bondOrderList": [],
+           "singleLetterCode": "?", "chemCompType": "NON-POLYMER"}
+    unit = [1.0, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]
+    turn = [-1.0, 0, 0, 5, 0, -1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]
+    transforms = [{"chainIndexList": [0, 1], "matrix": unit}, {"chainIndexList": [0, 1], "matrix": turn}, {"chainIndexList": [2], "matrix": unit}]
+    file = {
+        "mmtfVersion": "1.0.0", "mmtfProducer": "make.py", "unitCell": [10.0, 20.0, 30.0, 90.0, 90.0, 90.0], "spaceGroup": "P 1",
+        "bioAssemblyList": [{"name": "dimer", "transformList": transforms}],
+        "entityList": [{"chainIndexList": [0, 1, 3, 4], "description": "", "type": "polymer", "sequence": "G"},
+                       {"chainIndexList": [2, 5], "description": "", "type": "non-polymer", "sequence": ""}],
+        "numBonds": 12, "numAtoms": COUNT, "numGroups": 12, "numChains": 6, "numModels": 2, "groupList": [residue, ion],
+        "xCoordList": packed(10, COUNT, 1000, "h", list(narrow(np.diff(x, prepend=0)))),
+        "yCoordList": packed(10, COUNT, 1000, "h", list(narrow(np.diff(y, prepend=0)))), "zCoordList": packed(1, COUNT, 0, "f", z),
+        "bFactorList": packed(11, COUNT, 100, "h", range(100, 100 + COUNT)), "occupancyList": packed(9, COUNT, 100, "i", [100, COUNT]),
+        "atomIdList": packed(8, COUNT, 0, "i", [1, COUNT]), "altLocList": packed(6, COUNT, 0, "i", [0, 3, 66, 1, 0, 11, 66, 1, 0, 8]),
+        "groupTypeList": packed(4, 12, 0, "i", [0, 0, 1, 1, 1, 1] * 2),
+        "groupIdList": packed(8, 12, 0, "i", [7, 1, 1, 1, 90, 1, 1, 3, -94, 1, 1, 1, 90, 1, 1, 3]),
+        "insCodeList": packed(6, 12, 0, "i", [0, 1, 65, 1, 0, 5, 65, 1, 0, 4]), "secStructList": packed(2, 12, 0, "b", [7] * 12),
+        "sequenceIndexList": packed(7, 12, 0, "i", [0, 12]), "chainIdList": words(["A", "B", "C"] * 2), "chainNameList": words(["A", "B", "C"] * 2),
+        "groupsPerChain": [1, 1, 4] * 2, "chainsPerModel": [3, 3],
+    }
+    write("protein.mmtf", msgpack.packb(file))
+
+
 def trajectories():
     import MDAnalysis
     import gsd.hoomd
@@ -250,6 +295,71 @@ def vtk_files():
     put(vtk.vtkXMLImageDataWriter, "grid.vti", image, SetDataModeToAppended=(), SetCompressorTypeToZLib=())
 
 
+def voxels():
+    """With the Python of the system, for which Debian has python3-openvdb; packed by Blosc."""
+    script = """
+import pyopenvdb as vdb, random
+random.seed(3)
+density, velocity, ball = vdb.FloatGrid(), vdb.Vec3SGrid(), vdb.createLevelSetSphere(radius=1.5, center=(3, 3, 3), voxelSize=0.25, halfWidth=2)
+density.name, velocity.name, ball.name = 'density', 'velocity', 'ball'
+density.gridClass = vdb.GridClass.FOG_VOLUME
+density.transform = velocity.transform = vdb.createLinearTransform(0.25)
+density.fill((16, 0, 8), (23, 7, 15), 0.5)
+values, vectors = density.getAccessor(), velocity.getAccessor()
+for k in range(40):
+    at = tuple(random.randrange(16) for axis in range(3))
+    values.setValueOn(at, random.randrange(1000) / 16)
+    vectors.setValueOn(at, (k, -k, 0.5))
+vdb.write('cloud.vdb', grids=[velocity, density, ball])
+"""
+    subprocess.run(["/usr/bin/python3", "-c", script], check=True)
+
+
+def tables():
+    """One table in all packings, and others with positions elsewhere. What has a message but is not read stands a folder above."""
+    import decimal
+
+    import pyarrow as pa
+    import pyarrow.feather
+    import pyarrow.parquet
+
+    k = np.arange(COUNT)
+    x, y, z = 0.5 * k, 100.0 - k, np.full(COUNT, -3.25)
+    huge = k.astype("u8")
+    huge[0] = 2**64 - 1
+    columns = {
+        "x [kpc]": x, "y [kpc]": y, "z [kpc]": z, "id": k * 10**12, "small": (k - 12).astype("i2"), "byte": (10 * k).astype("u1"), "flag": k % 3 == 0,
+        "half": (k / 4).astype("f2"), "velocity": pa.FixedSizeListArray.from_arrays(pa.array(np.arange(3 * COUNT, dtype="f4")), 3),
+        "pair": pa.array([[2.0 * i, 2.0 * i + 1] for i in range(COUNT)]), "count": pa.array([None if i % 5 == 4 else 7 * i for i in range(COUNT)]),
+        "gap": pa.array([None if i % 2 else float(i) for i in range(COUNT)], pa.float32()),
+        "price": pa.array([decimal.Decimal(i) / 100 for i in range(COUNT)], pa.decimal128(9, 2)),
+        "when": pa.array([10**15 + 250_000 * i for i in range(COUNT)], pa.timestamp("us")), "huge": huge,
+        "kind": pa.array([["gas", "star", None][i % 3] for i in range(COUNT)]).dictionary_encode(), "name": pa.array([f'\u03a9{i} ""' for i in range(COUNT)]),
+        "ragged": pa.array([[1.0] * (i % 3) for i in range(COUNT)]), "blob": pa.array([b"\0\1"] * COUNT),
+    }
+    table = pa.table(columns)
+    velocity = table.schema.get_field_index("velocity")
+    table = table.cast(table.schema.set(velocity, table.schema.field(velocity).with_metadata({"unit": "km/s"})))
+    write = pa.parquet.write_table
+    write(table, "groups_snappy.parquet", compression="snappy", row_group_size=9)
+    write(table, "version_2_zstd.parquet", compression="zstd", data_page_version="2.0", row_group_size=20)
+    write(table, "plain_gzip.parquet", compression="gzip", use_dictionary=False)
+    write(table, "pages_lz4.parquet", compression="lz4", data_page_size=64, write_batch_size=5)
+    pa.feather.write_feather(table, "feather_lz4.feather", compression="lz4", chunksize=10)
+    with pa.OSFile("stream.arrows", "wb") as file, pa.ipc.new_stream(file, table.schema) as stream:
+        stream.write_table(table, max_chunksize=7)
+    pa.feather.write_feather(table, "../feather_zstd.feather", compression="zstd")
+    write(table.select(["x [kpc]", "y [kpc]", "z [kpc]"]), "../brotli.parquet", compression="brotli")
+
+    rows = np.stack([x, y, z], axis=1)
+    mass = np.full(COUNT, 1.5, "f4")
+    vector = pa.FixedSizeListArray.from_arrays(pa.array(rows.astype("f4").reshape(-1)), 3)
+    write(pa.table({"mass": mass, "Position": vector}), "vector.parquet")
+    write(pa.table({"where": pa.array(rows.tolist()), "mass": mass, "index": k}), "lists.parquet", compression="none")
+    structure = pa.StructArray.from_arrays([pa.array(it) for it in (x, y, z)], ["x", "y", "z"])
+    pa.feather.write_feather(pa.table({"pos": structure, "mass": mass}), "structure.feather", compression="uncompressed")
+
+
 def sky():
     import OpenEXR
 
@@ -268,8 +378,11 @@ def converted(tyndall):
 if __name__ == "__main__":
     text()
     binary()
+    mmtf()
     trajectories()
     clouds()
     vtk_files()
+    voxels()
+    tables()
     sky()
     converted(os.path.abspath(sys.argv[1]))

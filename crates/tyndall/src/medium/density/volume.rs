@@ -9,7 +9,7 @@ use rayon::prelude::*;
 use super::gather::Found;
 use super::statistics::Statistics;
 use crate::error::{Error, Result};
-use crate::medium::grid::{BRICK, CORE_SAMPLES, Grid, Lattice};
+use crate::medium::grid::{BRICK, Brick, CORE_SAMPLES, Grid, Lattice};
 use crate::progress::Progress;
 
 /// What gives samples their values, 64 at a time.
@@ -22,9 +22,6 @@ pub(super) trait Blocks: Sync {
     /// N*, for the statistics.
     fn target(&self) -> u32;
 }
-
-/// The samples of a brick; `None` where all are 0.
-type Core = Option<Box<[f32; CORE_SAMPLES]>>;
 
 /// Fills the lattice: a grid for each column, and what the samples used. Fails with [`Error::Interrupted`].
 pub(super) fn fill(
@@ -41,16 +38,16 @@ pub(super) fn fill(
         }
         let mut statistics = Statistics::default();
         let numbers = row * bricks[0]..(row + 1) * bricks[0];
-        let cores: Vec<Vec<Core>> =
+        let cores: Vec<Vec<Brick>> =
             numbers.map(|number| brick(blocks, lattice, number, (found, &mut statistics))).collect();
         progress.advance(1);
         Ok((cores, statistics))
     };
-    let rows: Vec<(Vec<Vec<Core>>, Statistics)> =
+    let rows: Vec<(Vec<Vec<Brick>>, Statistics)> =
         (0..row_count).into_par_iter().map_init(Found::default, row).collect::<Result<_>>()?;
 
     let mut statistics = Statistics::default();
-    let mut cores: Vec<Vec<Core>> =
+    let mut cores: Vec<Vec<Brick>> =
         (0..blocks.columns()).map(|_| Vec::with_capacity(lattice.brick_count())).collect();
     for (row, of_row) in rows {
         statistics = statistics.with(of_row);
@@ -67,9 +64,9 @@ fn brick(
     lattice: &Lattice,
     number: usize,
     (found, statistics): (&mut Found, &mut Statistics),
-) -> Vec<Core> {
+) -> Vec<Brick> {
     let first = lattice.brick(number).map(|it| it * BRICK);
-    let mut cores: Vec<Core> = vec![None; blocks.columns()];
+    let mut cores: Vec<Option<Box<[f32; CORE_SAMPLES]>>> = vec![None; blocks.columns()];
     for block in 0..8_u32 {
         let corner: [u32; 3] = std::array::from_fn(|axis| 4 * (block >> axis & 1));
         let begin: [u32; 3] = std::array::from_fn(|axis| first[axis] + corner[axis]);
@@ -91,6 +88,8 @@ fn brick(
             }
         }
     }
-    let filled = |core: Core| core.filter(|core| core.iter().any(|&it| it != 0.0));
+    let filled = |core: Option<Box<[f32; CORE_SAMPLES]>>| {
+        core.filter(|core| core.iter().any(|&it| it != 0.0)).map_or(Brick::EMPTY, Brick::Samples)
+    };
     cores.into_iter().map(filled).collect()
 }

@@ -90,11 +90,11 @@ impl Tree {
             }
             Self::Call(_, given) => given.iter().flat_map(Self::names).collect(),
             Self::Compared(sides, _) => {
-                let names = |side| match side {
-                    &Self::Name(ref name) => vec![(name.as_str(), true)],
+                let names = sides.iter().map(|side| match side {
+                    Self::Name(name) => vec![(name.as_str(), true)],
                     side => side.names(),
-                };
-                sides.iter().flat_map(names).collect()
+                });
+                names.flatten().collect()
             }
         }
     }
