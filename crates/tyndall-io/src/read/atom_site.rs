@@ -217,7 +217,7 @@ impl AtomSite {
             cell: entry.cell(&mut conventions),
             time: None,
             length_unit: Some("Å".to_string()),
-            bonds: Vec::new(),
+            bonds: entry.bonds,
         };
         let columns = match &request.options.assembly {
             Some(wanted) => assembly::apply(columns, &entry.assemblies, wanted, "asym")?,
@@ -259,6 +259,8 @@ pub(super) struct Entry {
     pub(super) space_group: Option<String>,
     /// The assemblies, by the archive's names of chains.
     pub(super) assemblies: Vec<Assembly>,
+    /// Pairs of atoms.
+    pub(super) bonds: Vec<[u32; 2]>,
 }
 
 impl Entry {
@@ -314,6 +316,7 @@ impl Document {
             lattice: lengths.zip(angles).map(|(lengths, angles)| [lengths, angles]),
             space_group: group.cloned(),
             assemblies: self.assemblies(),
+            bonds: Vec::new(),
         }
     }
 

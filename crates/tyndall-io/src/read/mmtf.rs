@@ -9,7 +9,6 @@ mod codec;
 use std::ops::Range;
 use std::path::Path;
 
-use tyndall::scene::grouped;
 use tyndall::{DVec3, Error, Progress, Result};
 
 use self::codec::Column;
@@ -123,6 +122,8 @@ struct Residue<'a> {
     names: Vec<&'a str>,
     elements: Vec<&'a str>,
     charges: Vec<i64>,
+    /// Pairs of its atoms.
+    bonds: Vec<[usize; 2]>,
 }
 
 /// How many atoms make a group, groups a chain, chains a model.
@@ -166,6 +167,29 @@ impl<'a> Tree<'a> {
         self.groups[groups].iter().map(|&kind| self.residues[kind].names.len()).sum()
     }
 
+    /// The bonds between those of the atoms, which are those of the groups, counted from the first of these: within groups, and `others`,
+    /// which are counted from the file's first.
+    fn bonds(&self, groups: Range<usize>, atoms: Range<usize>, others: &[i32]) -> Vec<[u32; 2]> {
+        let mut bonds = Vec::new();
+        let mut first = 0;
+        for group in groups {
+            let residue = &self.residues[self.groups[group]];
+            let is_there = |pair: &&[usize; 2]| pair.iter().all(|&atom| atom < residue.names.len());
+            bonds.extend(
+                residue.bonds.iter().filter(is_there).map(|pair| pair.map(|atom| (first + atom) as u32)),
+            );
+            first += residue.names.len();
+        }
+        let place = |atom: i32| {
+            let atom = usize::try_from(atom).ok().filter(|atom| atoms.contains(atom))?;
+            Some((atom - atoms.start) as u32)
+        };
+        let between =
+            others.as_chunks().0.iter().filter_map(|&[one, other]| Some([place(one)?, place(other)?]));
+        bonds.extend(between);
+        bonds
+    }
+
     /// Chains, groups and atoms of each model.
     fn models(&self) -> Vec<[Range<usize>; 3]> {
         let mut ends = [0; 3];
@@ -186,11 +210,14 @@ fn residue<'a>(fields: &Fields, place: usize, group: &'a Value<'a>) -> Result<Re
         list.iter().map(|it| it.text().unwrap_or_default().trim()).collect()
     };
     let charges = group.get("formalChargeList").and_then(Value::list).unwrap_or_default();
+    let bonded = group.get("bondAtomList").and_then(Value::list).unwrap_or_default();
+    let pair = |pair: &[Value<'a>; 2]| Some([pair[0].count()?, pair[1].count()?]);
     let residue = Residue {
         name: group.get("groupName").and_then(Value::text).unwrap_or_default(),
         names: texts("atomNameList"),
         elements: texts("elementList"),
         charges: charges.iter().map(|it| it.number().unwrap_or(0.0) as i64).collect(),
+        bonds: bonded.as_chunks().0.iter().filter_map(pair).collect(),
     };
     let atoms = residue.names.len();
     let is_even = |count: usize| count == atoms || count == 0;
@@ -309,11 +336,13 @@ pub(crate) fn frame(
         lattice: lattice(&fields),
         space_group: fields.root.get("spaceGroup").and_then(Value::text).map(str::to_string),
         assemblies: assemblies(&fields, &asym)?,
+        bonds: tree.bonds(
+            groups.clone(),
+            atoms.clone(),
+            &fields.integers("bondAtomList")?.unwrap_or_default(),
+        ),
     };
-    let mut frame = sites.frame(path, entry, request)?;
-    if let Some(bonds) = fields.root.get("numBonds").and_then(Value::count).filter(|&it| it > 0) {
-        frame.conventions.push(format!("left out: {} bonds", grouped(bonds)));
-    }
+    let frame = sites.frame(path, entry, request)?;
     progress.advance(bytes.len() as u64);
     Ok(frame)
 }
