@@ -130,21 +130,26 @@ pub(crate) fn pairs(
         return Some(Vec::new());
     }
     let bins = Bins::new(particles, lattice, most);
+    let count = particles.len() as u32;
+    let sampled: Vec<u32> = (0..count).step_by((count as usize).div_ceil(1000)).collect();
+    let count_of = |id: &u32| {
+        let mut found = 0;
+        bins.around(*id, &mut |other, distance| found += usize::from(distance <= reach(*id, other)));
+        found
+    };
+    let found: usize = sampled.par_iter().map(count_of).sum();
+    if found > limit * sampled.len() {
+        return None;
+    }
     let of = |id: u32| {
         let mut pairs = Vec::new();
         bins.around(id, &mut |other, distance| {
-            if distance <= reach(id, other) && pairs.len() < 4 * limit {
+            if distance <= reach(id, other) {
                 pairs.push([id, other]);
             }
         });
         pairs
     };
-    let count = particles.len() as u32;
-    let sampled: Vec<u32> = (0..count).step_by((count as usize).div_ceil(1000)).collect();
-    let found: usize = sampled.par_iter().map(|&id| of(id).len()).sum();
-    if found > limit * sampled.len() {
-        return None;
-    }
     Some((0..count).into_par_iter().with_min_len(256).flat_map_iter(of).collect())
 }
 

@@ -125,7 +125,7 @@ pub struct Selectable<N = Numbers> {
 }
 
 impl Selectable {
-    /// What `filter` asks for. Fails as [`Quantity::find`] does, and if a word is none of the quantity's.
+    /// What `filter` asks for. Fails as [`super::quantity::Quantity::find`] does, and if a word is none of the quantity's.
     pub fn of(particles: &Particles, filter: &Filter) -> Result<Self> {
         let mut found = Self::find(particles, &filter.quantity).map_err(|error| match error {
             Error::Setting { allowed, .. } => Error::setting(filter.setting, filter, allowed),

@@ -1,7 +1,7 @@
 //! Bonds: cylinders between particles, with flat ends, that belong half and half to the particles that they join.
 //!
 //! They stand in a hierarchy of their own, over the balls around them, and are asked after the particles. A bond has two nodes, one a half,
-//! behind those of the particles. The formula of [`enter_cylinder`] is that of the kernels: each product and sum rounded, nothing fused.
+//! behind those of the particles. The formula of `enter_cylinder` is that of the kernels: each product and sum rounded, nothing fused.
 
 use glam::Vec3;
 
