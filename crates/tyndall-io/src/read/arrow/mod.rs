@@ -121,6 +121,7 @@ impl<'a> Table<'a> {
             cell: about.cell,
             time: about.time,
             length_unit: about.length_unit.or(plan.length_unit),
+            bonds: Vec::new(),
         };
         records::frame(columns, conventions, warnings)
     }
