@@ -67,6 +67,19 @@ pub(crate) enum Verb {
     Other(Vec<OsString>),
 }
 
+impl Verb {
+    /// The files that it reads, if it reads files.
+    pub(crate) fn input(&mut self) -> Option<&mut Input> {
+        match self {
+            Self::Render(args) => Some(&mut args.input),
+            Self::Info(args) => Some(&mut args.input),
+            Self::Build(args) => Some(&mut args.input),
+            Self::Convert(args) => Some(&mut args.input),
+            _ => None,
+        }
+    }
+}
+
 /// What every verb understands.
 #[derive(Args)]
 pub(crate) struct Common {
@@ -85,10 +98,14 @@ pub(crate) struct Common {
 #[derive(Args)]
 #[command(next_help_heading = "Reading")]
 pub(crate) struct Input {
-    /// Files, as one sequence in this order; or synthetic:NAME?n=COUNT. A file with names before files that have coordinates
+    /// Files, as one sequence in this order; in quotes also patterns: 'run.*.dump', or 'spray.####.prt', %04d and $F4, whose numbers
+    /// are then those of --frame and --frames; or synthetic:NAME?n=COUNT. A file with names before files that have coordinates
     /// only (XTC, TRR, DCD, AMBER NetCDF) names their particles: topol.gro traj.xtc
     #[arg(required = true, value_name = "FILE", help_heading = None)]
     pub(crate) files: Vec<PathBuf>,
+    /// The numbers of the files, if a pattern with a number named them: see [`crate::names`].
+    #[arg(skip)]
+    pub(crate) numbers: Option<Vec<usize>>,
     /// Format, instead of recognising it: tyn lammps lammps-binary lammps-data xyz gro xtc trr dcd amber pdb cif bcif mmtf gsd gadget tipsy
     /// hdf5 ply npy bgeo geo prt ptc pda mmpld vtk las e57 pcd pts csv; parquet and arrow where the build has that feature
     #[arg(long, value_name = "NAME")]

@@ -11,8 +11,9 @@ use tyndall::{Error, Particles, Radii};
 use tyndall_io::saved::{self, Recipe};
 use tyndall_io::write;
 
+use crate::names::Numbers;
 use crate::report::{Failure, Outcome, Report, bytes, counted, seconds};
-use crate::{args, dry_run, input, plan, structure};
+use crate::{args, dry_run, input, structure};
 
 /// Reads a frame and saves it.
 pub(crate) fn run(args: &args::Build, report: &Report) -> Outcome<()> {
@@ -40,9 +41,11 @@ pub(crate) fn run(args: &args::Build, report: &Report) -> Outcome<()> {
     dry_run::check_memory(&known, known.memory_bytes(), args.memory)?;
     let sequence = input::open(&args.input, None, report)?;
     input::refuse_to_replace(path, &sequence)?;
-    let number = plan::chosen(args.frame, None, false, sequence.len())?[0];
+    let numbers = Numbers::of(&args.input, sequence.len());
+    let number = numbers.chosen(args.frame, None, false)?[0];
     if args.frame.is_none() && sequence.len() > 1 {
-        report.note(format_args!("note: frame 0 of {}; --frame N for another", sequence.len()));
+        let first = numbers.number(0);
+        report.note(format_args!("note: frame {first} of {}; --frame N for another", sequence.len()));
     }
     let frame = input::read(&sequence, number, &args.input, report)?;
     if input::placement(&args.input) != Placement::AsStored {

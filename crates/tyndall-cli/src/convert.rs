@@ -10,9 +10,10 @@ use tyndall_io::{Sequence, write};
 
 use crate::ahead::{self, Ahead};
 use crate::medium::args::Density;
+use crate::names::Numbers;
 use crate::output::Pattern;
 use crate::report::{Failure, Outcome, Report, bytes, counted, seconds};
-use crate::{args, input, plan, progress, selection};
+use crate::{args, input, progress, selection};
 
 /// Writes the frames that are asked for: into one file if its format holds them, else each into its own.
 pub(crate) fn run(args: &args::Convert, report: &Report) -> Outcome<()> {
@@ -28,10 +29,12 @@ pub(crate) fn run(args: &args::Convert, report: &Report) -> Outcome<()> {
     let holds_frames = write::particles::holds_frames(&pattern.name(0)).map_err(Failure::Output)?;
     let sequence = input::open(&args.input, None, report)?;
     let takes_all = pattern.is_numbered() || holds_frames;
-    let chosen = plan::chosen(args.frame, args.frames.as_ref(), takes_all, sequence.len())?;
+    let numbers = Numbers::of(&args.input, sequence.len());
+    let chosen = numbers.chosen(args.frame, args.frames.as_ref(), takes_all)?;
     if !takes_all && args.frame.is_none() && args.frames.is_none() && sequence.len() > 1 {
         report.note(format_args!(
-            "note: frame 0 of {}; --frame N for another, -o NAME.%04d.EXT for all of them",
+            "note: frame {} of {}; --frame N for another, -o NAME.%04d.EXT for all of them",
+            numbers.number(0),
             sequence.len()
         ));
     }
@@ -39,7 +42,7 @@ pub(crate) fn run(args: &args::Convert, report: &Report) -> Outcome<()> {
     ahead::reading(&sequence, &chosen, None, |ahead| {
         let (mut written, count) = (0, files.len());
         for frames in files {
-            let path = pattern.name(frames[0]);
+            let path = pattern.name(numbers.number(frames[0]));
             input::refuse_to_replace(&path, &sequence)?;
             if args.skip_existing && path.exists() {
                 report.note(format_args!("note: {} is there already", path.display()));

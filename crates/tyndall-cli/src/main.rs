@@ -21,6 +21,7 @@ mod input;
 mod json;
 mod medium;
 mod metadata;
+mod names;
 mod output;
 mod plan;
 mod progress;
@@ -41,11 +42,15 @@ use report::{Failure, Outcome, Report};
 fn main() -> ExitCode {
     #[cfg(feature = "gpu")]
     without_display();
-    let cli = match Cli::try_parse() {
+    let mut cli = match Cli::try_parse() {
         Ok(cli) => cli,
         Err(error) => return usage::explain(&error),
     };
     progress::listen_to_signals();
+    if let Some(Err(failure)) = cli.verb.input().map(names::expand) {
+        eprintln!("{failure}");
+        return failure.exit_code();
+    }
     let done = match cli.verb {
         Verb::Render(args) => with(&args.common, |report| render::run(&args, report)),
         Verb::Info(args) => with(&args.common, |report| info::run(&args, report)),

@@ -127,6 +127,13 @@ impl Pattern {
         self.digits.is_some()
     }
 
+    /// The number that a path has where the pattern has its place, if it is like the pattern elsewhere.
+    pub(crate) fn number(&self, path: &Path) -> Option<usize> {
+        let digits = path.to_str()?.strip_prefix(&*self.before)?.strip_suffix(&*self.after)?;
+        let number = digits.parse().ok().filter(|_| digits.bytes().all(|it| it.is_ascii_digit()))?;
+        (self.name(number) == path || self.digits == Some(1)).then_some(number)
+    }
+
     /// The name of picture `number`.
     pub(crate) fn name(&self, number: usize) -> PathBuf {
         match self.digits {
@@ -178,6 +185,19 @@ mod tests {
             ("ä%03d.png", "ä012.png"),
         ] {
             assert_eq!(Pattern::new(Path::new(pattern)).name(12), Path::new(name), "{pattern}");
+        }
+        let number = |pattern: &str, path: &str| Pattern::new(Path::new(pattern)).number(Path::new(path));
+        for (pattern, path, expected) in [
+            ("a.%04d.png", "a.0012.png", Some(12)),
+            ("a.####.png", "a.12345.png", Some(12345)),
+            ("a.####.png", "a.012.png", None),
+            ("a.#.png", "a.012.png", Some(12)),
+            ("b/a$F", "b/a7", Some(7)),
+            ("a%d.png", "a+7.png", None),
+            ("a%d.png", "a.png", None),
+            ("a%d.png", "a7.exr", None),
+        ] {
+            assert_eq!(number(pattern, path), expected, "{pattern} {path}");
         }
         assert!(!Pattern::new(Path::new("a.png")).is_numbered());
         assert!(Pattern::new(Path::new("a.#.png")).is_numbered());

@@ -10,9 +10,10 @@ use tyndall::scene::viewpoint::Viewpoint;
 use tyndall_io::write::movie;
 
 use crate::args;
+use crate::names::Numbers;
 use crate::output::Pattern;
 use crate::report::{Failure, Outcome, Report, counted};
-use crate::values::{Degrees, Slice, frame as frame_number};
+use crate::values::Degrees;
 
 /// One picture to be made.
 pub(crate) struct Picture {
@@ -44,19 +45,21 @@ impl Picture {
     }
 }
 
-/// Which of `count` frames go to which files, in order. A picture's number is that of its frame, or its place in an orbit.
+/// Which frames go to which files, in order. A picture's number is that of its frame, or its place in an orbit.
 pub(crate) fn pictures(
     args: &args::Render,
     pattern: &Pattern,
-    count: usize,
+    numbers: &Numbers,
     report: &Report,
 ) -> Outcome<Vec<Picture>> {
     let args::Frames { frame, frames, orbit, frame_count, .. } = &args.frames;
     let takes_all = pattern.is_numbered() || movie::is_movie(&args.picture.output);
-    let chosen = chosen(*frame, frames.as_ref(), takes_all, count)?;
+    let chosen = numbers.chosen(*frame, frames.as_ref(), takes_all)?;
+    let count = numbers.count();
     if frame.is_none() && frames.is_none() && !takes_all && count > 1 {
         report.note(format_args!(
-            "note: frame 0 of {count}; --frame N for another, -o NAME.%04d.png or NAME.mp4 for all of them"
+            "note: frame {} of {count}; --frame N for another, -o NAME.%04d.png or NAME.mp4 for all of them",
+            numbers.number(0)
         ));
     }
 
@@ -106,29 +109,9 @@ pub(crate) fn pictures(
         // One camera is that of all frames.
         let key = if keys.moves() || is_one { place } else { 0 };
         let shot = if has_keys { Shot::At(key as f64) } else { turned };
-        Picture { frame, path: pattern.name(if is_one { place } else { frame }), shot }
+        Picture { frame, path: pattern.name(if is_one { place } else { numbers.number(frame) }), shot }
     };
     Ok((0..pictures).map(picture).collect())
-}
-
-/// Which of `count` frames are taken: the one, those of the slice, or all if `takes_all`, else the first.
-pub(crate) fn chosen(
-    frame: Option<i64>,
-    frames: Option<&Slice>,
-    takes_all: bool,
-    count: usize,
-) -> Outcome<Vec<usize>> {
-    let chosen = match (frame, frames) {
-        (Some(number), _) => vec![frame_number(number, count)?],
-        (None, Some(slice)) => slice.of(count),
-        (None, None) if takes_all => (0..count).collect(),
-        (None, None) => vec![0],
-    };
-    if chosen.is_empty() {
-        let allowed = format!("it takes none of the frames 0 to {}", count - 1);
-        return Err(Failure::Usage(format!("--frames takes no frame — {allowed}")));
-    }
-    Ok(chosen)
 }
 
 /// The frames that [`each_frame`] will read, in order.

@@ -30,6 +30,7 @@ use tyndall_io::{Parts, Saved, Sequence};
 use crate::ahead::Ahead;
 use crate::args::{self, Builder, LightLook, Mode, Selection};
 use crate::device::{self, Held, Renders};
+use crate::names::Numbers;
 use crate::output::{Output, Pattern};
 use crate::plan::{self, Picture};
 use crate::report::{Failure, Outcome, Report, counted, seconds};
@@ -59,7 +60,7 @@ pub(crate) fn run(args: &args::Render, report: &Report) -> Outcome<()> {
         radii: args.look.radius.is_none() || args.look.bonds.is_some(),
     };
     let sequence = input::open(&args.input, Some(wanted), report)?;
-    let pictures = plan::pictures(args, &job.pattern, sequence.len(), report)?;
+    let pictures = plan::pictures(args, &job.pattern, &Numbers::of(&args.input, sequence.len()), report)?;
     if args.method.dry_run {
         return job.dry_run(&sequence, &pictures);
     }

@@ -181,14 +181,34 @@ impl Slice {
         let count = count as i64;
         let (least, most) = if self.step > 0 { (0, count) } else { (-1, count - 1) };
         let bound = |end: i64| if end < 0 { end.saturating_add(count) } else { end }.clamp(least, most);
+        self.walk(count, bound)
+    }
+}
+
+impl Slice {
+    /// The places of the numbers, which ascend, that the slice takes, in its order: START and STOP are numbers, STEP counts places.
+    pub(crate) fn among(&self, numbers: &[usize]) -> Vec<usize> {
+        let is_up = self.step > 0;
+        let place = |end: i64| match usize::try_from(end) {
+            // Downwards a slice begins with the last number that is not beyond.
+            Ok(number) if is_up => numbers.partition_point(|&it| it < number) as i64,
+            Ok(number) => numbers.partition_point(|&it| it <= number) as i64 - 1,
+            Err(_) => end.saturating_add(numbers.len() as i64),
+        };
+        let (least, most) = if is_up { (0, numbers.len() as i64) } else { (-1, numbers.len() as i64 - 1) };
+        self.walk(numbers.len() as i64, |end| place(end).clamp(least, most))
+    }
+
+    /// The places below `count` between both ends, which `bound` makes places of.
+    fn walk(&self, count: i64, bound: impl Fn(i64) -> i64) -> Vec<usize> {
         let (first, last) = if self.step > 0 { (0, count) } else { (count - 1, -1) };
-        let (mut at, stop) = (self.start.map_or(first, bound), self.stop.map_or(last, bound));
-        let mut numbers = Vec::new();
+        let (mut at, stop) = (self.start.map_or(first, &bound), self.stop.map_or(last, &bound));
+        let mut places = Vec::new();
         while (self.step > 0 && at < stop) || (self.step < 0 && at > stop) {
-            numbers.push(at as usize);
+            places.push(at as usize);
             at = at.saturating_add(self.step);
         }
-        numbers
+        places
     }
 }
 

@@ -10,9 +10,10 @@ use tyndall::particles::Particles;
 use tyndall::scene::short;
 use tyndall_io::vdb::{self, DENSITY, Grid, Precision};
 
+use crate::names::Numbers;
 use crate::output::Pattern;
 use crate::report::{Failure, Outcome, Report, bytes, counted, seconds};
-use crate::{args, dry_run, input, medium, plan, progress, selection};
+use crate::{args, dry_run, input, medium, progress, selection};
 
 /// Whether a name is that of a file of grids.
 pub(super) fn is_grids(path: &Path) -> bool {
@@ -114,7 +115,8 @@ impl Job<'_> {
     fn each(&self, count: usize, make: impl Fn(usize, &Path) -> Outcome<Vec<Grid>>) -> Outcome<()> {
         let Self { args, report, pattern } = self;
         let takes_all = pattern.is_numbered();
-        let frames = plan::chosen(args.frame, args.frames.as_ref(), takes_all, count)?;
+        let numbers = Numbers::of(&args.input, count);
+        let frames = numbers.chosen(args.frame, args.frames.as_ref(), takes_all)?;
         if frames.len() > 1 && !takes_all {
             let allowed = format!(
                 "a file of this format holds one frame, not {}: give a number in its name, such as NAME.%04d.vdb",
@@ -124,13 +126,14 @@ impl Job<'_> {
         }
         if !takes_all && args.frame.is_none() && args.frames.is_none() && count > 1 {
             report.note(format_args!(
-                "note: frame 0 of {count}; --frame N for another, -o NAME.%04d.vdb for all of them"
+                "note: frame {} of {count}; --frame N for another, -o NAME.%04d.vdb for all of them",
+                numbers.number(0)
             ));
         }
-        tyndall_io::write::check_place(&pattern.name(frames[0])).map_err(Failure::Output)?;
+        tyndall_io::write::check_place(&pattern.name(numbers.number(frames[0]))).map_err(Failure::Output)?;
         let precision = if args.half { Precision::Half } else { Precision::Full };
         for (written, &number) in frames.iter().enumerate() {
-            let path = pattern.name(number);
+            let path = pattern.name(numbers.number(number));
             if args.skip_existing && path.exists() {
                 report.note(format_args!("note: {} is there already", path.display()));
                 continue;

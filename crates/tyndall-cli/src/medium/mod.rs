@@ -32,6 +32,7 @@ use tyndall_io::{vdb, write};
 
 use self::args::{CacheName, MethodName};
 use crate::args::{Picture, Render};
+use crate::names::Numbers;
 use crate::output::{Output, Pattern};
 use crate::report::{Failure, Outcome, Report, counted, seconds};
 use crate::values::Background;
@@ -77,7 +78,7 @@ pub(crate) fn run(args: &Render, report: &Report) -> Outcome<()> {
     let mut output = Output::new(args, report)?;
     let pattern = Pattern::new(&args.picture.output);
     let sequence = input::open(&args.input, None, report)?;
-    let pictures = plan::pictures(args, &pattern, sequence.len(), report)?;
+    let pictures = plan::pictures(args, &pattern, &Numbers::of(&args.input, sequence.len()), report)?;
     if args.method.dry_run {
         let frame = input::read(&sequence, pictures[0].frame, &args.input, report)?;
         let (particles, _) = selection::keep(&args.selection, frame.particles)?;
@@ -182,7 +183,8 @@ impl Job<'_> {
         self.check()?;
         let mut output = Output::new(self.args, self.report)?;
         let pattern = Pattern::new(&self.args.picture.output);
-        let pictures = plan::pictures(self.args, &pattern, count, self.report)?;
+        let pictures =
+            plan::pictures(self.args, &pattern, &Numbers::of(&self.args.input, count), self.report)?;
         if self.args.medium.statistics.is_some() {
             return Err(Failure::Usage("--statistics is for particles, not for a grid".into()));
         }

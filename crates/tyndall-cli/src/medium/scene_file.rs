@@ -16,6 +16,7 @@ use tyndall::{Error, Vec3};
 use tyndall_io::read::{self, Described, RawGrid, Sample};
 
 use crate::args::{self, Cli, Verb};
+use crate::names;
 use crate::report::{Failure, Outcome, Report};
 
 /// A scene, read.
@@ -101,7 +102,8 @@ impl SceneFile {
             let line = text.lines().next().unwrap_or_default().trim_start_matches("error: ").to_string();
             bad(line)
         })?;
-        let Verb::Render(args) = cli.verb else { return Err(bad("only render takes a scene".into())) };
+        let Verb::Render(mut args) = cli.verb else { return Err(bad("only render takes a scene".into())) };
+        names::expand(&mut args.input)?;
         Ok(Self { path: path.to_path_buf(), args: *args, grid })
     }
 

@@ -350,6 +350,42 @@ fn what_is_not_shown_is_as_if_it_were_not_there() {
 }
 
 #[test]
+fn files_are_named_by_patterns() {
+    let folder = Folder::new();
+    for number in [8, 9, 10, 101] {
+        folder.file(&format!("run.{number:04}.xyz"), line_of(number % 7 + 1));
+    }
+    folder.file("run.x.xyz", line_of(2));
+    let look = ["--size", "24x16", "--samples", "1", "--look", "flat"];
+    let run = |words: &[&str]| folder.run(&[&["render"], words, &look].concat());
+    let made = |words: &[&str]| {
+        run(words).fine();
+        let mut names = folder.names();
+        names.retain(|name| name.ends_with(".png"));
+        names.iter().for_each(|name| std::fs::remove_file(folder.path(name)).unwrap());
+        names
+    };
+    for pattern in ["run.####.xyz", "run.%04d.xyz", "run.$F4.xyz"] {
+        // Pictures are called by the numbers of the files.
+        assert_eq!(made(&[pattern, "-o", "a.%d.png", "--frames", "9:101"]), ["a.10.png", "a.9.png"]);
+    }
+    let [one, all] = [&["--frame", "101"][..], &[][..]];
+    assert_eq!(
+        made(&[&["run.####.xyz", "-o", "a.##.png"], all].concat()),
+        ["a.08.png", "a.09.png", "a.10.png", "a.101.png"]
+    );
+    assert_eq!(made(&[&["run.####.xyz", "-o", "a.png"], one].concat()), ["a.png"]);
+    // Others are frames from 0, in the order of the numbers in their names.
+    assert_eq!(made(&["run.0*.xyz", "-o", "a.%d.png"]), ["a.0.png", "a.1.png", "a.2.png", "a.3.png"]);
+    let told = folder.run(&["info", "run.[01]*.xyz"]).out;
+    assert!(told.contains("4 frames in 4 files"), "{told}");
+    run(&["run.####.xyz", "-o", "a.png", "--frame", "50"])
+        .fails(2, &["no file has this number; they are from 8 to 101"]);
+    run(&["ran.####.xyz", "-o", "a.png"]).fails(3, &["ran.####.xyz", "no file has such a name"]);
+    run(&["ran.*", "-o", "a.png"]).fails(3, &["no file has such a name"]);
+}
+
+#[test]
 fn cameras_are_pictures_or_a_way() {
     let folder = Folder::new();
     folder.file("a.xyz", line_of(5).repeat(3));
