@@ -168,8 +168,8 @@ pub(super) fn farthest<S: Simd>(simd: S, offset: &Lanes3<f32x16<S>>, lit: u32) -
     lit.select(farthest, f32x16::splat(simd, 0.0)).reduce_max()
 }
 
-/// Pushes the children that can shadow a point, the one nearest to the points last.
-#[simd]
+/// Pushes the children that can shadow a point, the one nearest to the points last. A call would cost walks without bonds a twentieth.
+#[inline(always)]
 #[expect(clippy::too_many_arguments, reason = "one walk, cut where it is readable")]
 pub(super) fn push_children<S: Simd>(
     simd: S,
