@@ -5,6 +5,8 @@
 //!
 //! Invariants of [`Particles`]: all columns have the same length, below 2^32; positions are finite; radii are finite and >= 0.
 
+mod values;
+
 use std::sync::OnceLock;
 
 use glam::{DVec3, Vec3};
@@ -13,6 +15,7 @@ use rayon::prelude::*;
 use crate::error::{Error, Result};
 use crate::frozen::Frozen;
 use crate::math::Bounds;
+pub use values::{Attribute, FrozenValues, Values, View};
 
 /// Centers: an origin in double precision, and single-precision offsets from it, one column an axis.
 ///
@@ -156,208 +159,6 @@ fn middle(chunk: &[DVec3]) -> DVec3 {
         max = max.max(*position);
     }
     if min.cmple(max).all() { 0.5 * min + 0.5 * max } else { DVec3::ZERO }
-}
-
-/// The values of an attribute, particle by particle; the components of one particle stand side by side. [`Values::view`] shows them
-/// wherever they are held.
-#[derive(Clone, Debug)]
-pub enum Values {
-    /// 32-bit floats.
-    F32(Vec<f32>),
-    /// 64-bit floats, kept where 32 bits would lose what the file says.
-    F64(Vec<f64>),
-    /// 32-bit integers; narrower ones are widened to it.
-    I32(Vec<i32>),
-    /// 64-bit integers.
-    I64(Vec<i64>),
-    /// Bytes, also for colors and truth values.
-    U8(Vec<u8>),
-    /// Words: `names[codes[k]]`.
-    Text {
-        /// Which name each particle has.
-        codes: Vec<u32>,
-        /// The names, in order of first appearance.
-        names: Vec<String>,
-    },
-    /// Any of these that stay where they are, such as in a mapped file.
-    Frozen(FrozenValues),
-}
-
-/// [`Values`] that no longer change.
-#[derive(Clone, Debug)]
-pub enum FrozenValues {
-    /// 32-bit floats.
-    F32(Frozen<f32>),
-    /// 64-bit floats.
-    F64(Frozen<f64>),
-    /// 32-bit integers.
-    I32(Frozen<i32>),
-    /// 64-bit integers.
-    I64(Frozen<i64>),
-    /// Bytes.
-    U8(Frozen<u8>),
-    /// Words: `names[codes[k]]`.
-    Text {
-        /// Which name each particle has.
-        codes: Frozen<u32>,
-        /// The names.
-        names: Vec<String>,
-    },
-}
-
-/// [`Values`], wherever they are held.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum View<'a> {
-    /// 32-bit floats.
-    F32(&'a [f32]),
-    /// 64-bit floats.
-    F64(&'a [f64]),
-    /// 32-bit integers.
-    I32(&'a [i32]),
-    /// 64-bit integers.
-    I64(&'a [i64]),
-    /// Bytes.
-    U8(&'a [u8]),
-    /// Words: `names[codes[k]]`.
-    Text {
-        /// Which name each particle has.
-        codes: &'a [u32],
-        /// The names.
-        names: &'a [String],
-    },
-}
-
-/// Runs the same expression on whichever column a [`View`] has.
-macro_rules! each_column {
-    ($view:expr, $column:ident => $body:expr) => {
-        match $view {
-            View::F32($column) => $body,
-            View::F64($column) => $body,
-            View::I32($column) => $body,
-            View::I64($column) => $body,
-            View::U8($column) => $body,
-            View::Text { codes: $column, .. } => $body,
-        }
-    };
-}
-
-impl PartialEq for Values {
-    fn eq(&self, other: &Self) -> bool {
-        self.view() == other.view()
-    }
-}
-
-impl Values {
-    /// The values.
-    #[inline(always)]
-    pub fn view(&self) -> View<'_> {
-        match self {
-            Self::F32(column) => View::F32(column),
-            Self::F64(column) => View::F64(column),
-            Self::I32(column) => View::I32(column),
-            Self::I64(column) => View::I64(column),
-            Self::U8(column) => View::U8(column),
-            Self::Text { codes, names } => View::Text { codes, names },
-            Self::Frozen(FrozenValues::F32(column)) => View::F32(column),
-            Self::Frozen(FrozenValues::F64(column)) => View::F64(column),
-            Self::Frozen(FrozenValues::I32(column)) => View::I32(column),
-            Self::Frozen(FrozenValues::I64(column)) => View::I64(column),
-            Self::Frozen(FrozenValues::U8(column)) => View::U8(column),
-            Self::Frozen(FrozenValues::Text { codes, names }) => View::Text { codes, names },
-        }
-    }
-
-    /// How many values there are: particles times components.
-    pub fn len(&self) -> usize {
-        each_column!(self.view(), column => column.len())
-    }
-
-    /// Whether there are none.
-    pub fn is_empty(&self) -> bool {
-        self.len() == 0
-    }
-
-    /// The value at `place` as a number; a word counts as its code.
-    #[inline(always)]
-    pub fn number(&self, place: usize) -> f64 {
-        match self.view() {
-            View::F32(column) => column[place] as f64,
-            View::F64(column) => column[place],
-            View::I32(column) => column[place] as f64,
-            View::I64(column) => column[place] as f64,
-            View::U8(column) => column[place] as f64,
-            View::Text { codes, .. } => codes[place] as f64,
-        }
-    }
-
-    /// The type's name: `f32`, `f64`, `i32`, `i64`, `u8` or `text`.
-    pub fn type_name(&self) -> &'static str {
-        match self.view() {
-            View::F32(_) => "f32",
-            View::F64(_) => "f64",
-            View::I32(_) => "i32",
-            View::I64(_) => "i64",
-            View::U8(_) => "u8",
-            View::Text { .. } => "text",
-        }
-    }
-
-    /// Whether the values are integers or words: things to count, not to measure.
-    pub fn is_discrete(&self) -> bool {
-        !matches!(self.view(), View::F32(_) | View::F64(_))
-    }
-
-    /// Memory of one value.
-    fn value_bytes(&self) -> usize {
-        fn of<T>(_: &[T]) -> usize {
-            size_of::<T>()
-        }
-        each_column!(self.view(), column => of(column))
-    }
-
-    /// Keeps the particles for which `keep` says so.
-    fn retain(&mut self, components: usize, keep: &[bool]) {
-        fn kept<T: Copy>(column: &[T], components: usize, keep: &[bool]) -> Vec<T> {
-            let rows = column.chunks_exact(components).zip(keep).filter(|(_, keep)| **keep);
-            rows.flat_map(|(row, _)| row).copied().collect()
-        }
-        *self = match self.view() {
-            View::F32(column) => Self::F32(kept(column, components, keep)),
-            View::F64(column) => Self::F64(kept(column, components, keep)),
-            View::I32(column) => Self::I32(kept(column, components, keep)),
-            View::I64(column) => Self::I64(kept(column, components, keep)),
-            View::U8(column) => Self::U8(kept(column, components, keep)),
-            View::Text { codes, names } => {
-                Self::Text { codes: kept(codes, components, keep), names: names.to_vec() }
-            }
-        };
-    }
-}
-
-/// A named quantity of every particle.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Attribute {
-    /// Its name in the file.
-    pub name: String,
-    /// Values a particle: 1 for a scalar, 3 for a vector.
-    pub components: usize,
-    /// Its unit, where the file or its format tells.
-    pub unit: Option<String>,
-    /// `components` values for every particle.
-    pub values: Values,
-}
-
-impl Attribute {
-    /// An attribute without a unit.
-    pub fn new(name: impl Into<String>, components: usize, values: Values) -> Self {
-        Self { name: name.into(), components, unit: None, values }
-    }
-
-    /// Component `component` of particle `id`.
-    #[inline(always)]
-    pub fn number(&self, id: usize, component: usize) -> f64 {
-        self.values.number(id * self.components + component)
-    }
 }
 
 /// How large the particles are, in the unit of the positions.
