@@ -40,7 +40,7 @@ pub(crate) fn run(args: &args::Build, report: &Report) -> Outcome<()> {
     let known = Work::of_count(input::known_count(&args.input.files)?, kind, NO_PICTURE);
     dry_run::check_memory(&known, known.memory_bytes(), args.memory)?;
     let sequence = input::open(&args.input, None, report)?;
-    input::refuse_to_replace(path, &sequence)?;
+    input::refuse_to_replace(path, sequence.paths())?;
     let numbers = Numbers::of(&args.input, sequence.len());
     let number = numbers.chosen(args.frame, None, false)?[0];
     if args.frame.is_none() && sequence.len() > 1 {

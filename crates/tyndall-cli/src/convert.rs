@@ -43,7 +43,7 @@ pub(crate) fn run(args: &args::Convert, report: &Report) -> Outcome<()> {
         let (mut written, count) = (0, files.len());
         for frames in files {
             let path = pattern.name(numbers.number(frames[0]));
-            input::refuse_to_replace(&path, &sequence)?;
+            input::refuse_to_replace(&path, sequence.paths())?;
             if args.skip_existing && path.exists() {
                 report.note(format_args!("note: {} is there already", path.display()));
                 continue;

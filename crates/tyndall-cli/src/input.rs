@@ -107,11 +107,11 @@ pub(crate) fn placement(input: &Input) -> Placement {
     }
 }
 
-/// Refuses to write `path` if it is one of the files that are read.
-pub(crate) fn refuse_to_replace(path: &Path, sequence: &Sequence) -> tyndall::Result<()> {
+/// Refuses to write `path` if it is one of the `files` that are read.
+pub(crate) fn refuse_to_replace(path: &Path, files: &[PathBuf]) -> tyndall::Result<()> {
     let is_read = path
         .canonicalize()
-        .is_ok_and(|place| sequence.paths().iter().any(|it| it.canonicalize().is_ok_and(|it| it == place)));
+        .is_ok_and(|place| files.iter().any(|it| it.canonicalize().is_ok_and(|it| it == place)));
     match is_read {
         true => Err(Error::setting("-o", path.display(), "another file: this one is being read")),
         false => Ok(()),

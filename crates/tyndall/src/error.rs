@@ -110,27 +110,6 @@ fn printable(text: String) -> String {
     shown.chain(is_long.then_some('…')).collect()
 }
 
-/// The word of a list that somebody who wrote `word` probably meant, if there is one: at most two letters are others.
-pub fn nearest<'a>(word: &str, list: &[&'a str]) -> Option<&'a str> {
-    let nearest = list.iter().min_by_key(|it| edits(word, it));
-    nearest.filter(|it| edits(word, it) <= 2.min(it.len() / 2)).copied()
-}
-
-/// How many letters must be inserted, deleted or replaced to make `a` into `b` (Levenshtein 1966).
-fn edits(a: &str, b: &str) -> usize {
-    let b: Vec<char> = b.chars().collect();
-    let mut row: Vec<usize> = (0..=b.len()).collect();
-    for (line, letter) in a.chars().enumerate() {
-        let mut diagonal = std::mem::replace(&mut row[0], line + 1);
-        for column in 0..b.len() {
-            let replaced = diagonal + usize::from(b[column] != letter);
-            diagonal = row[column + 1];
-            row[column + 1] = replaced.min(diagonal + 1).min(row[column] + 1);
-        }
-    }
-    row[b.len()]
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -34,6 +34,7 @@ pub mod film;
 pub mod frozen;
 pub mod math;
 pub mod medium;
+pub mod names;
 mod pages;
 pub mod particles;
 pub mod periodic;

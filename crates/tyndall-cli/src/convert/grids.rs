@@ -4,8 +4,8 @@ use std::path::Path;
 use std::time::Instant;
 
 use tyndall::Error;
-use tyndall::error::nearest;
 use tyndall::medium::density;
+use tyndall::names::nearest;
 use tyndall::particles::Particles;
 use tyndall::scene::short;
 use tyndall_io::vdb::{self, DENSITY, Grid, Precision};
@@ -32,7 +32,7 @@ pub(super) fn run(args: &args::Convert, report: &Report) -> Outcome<()> {
     let job = Job { args, report, pattern: Pattern::new(&args.output) };
     let sequence = input::open(&args.input, None, report)?;
     job.each(sequence.len(), |number, path| {
-        input::refuse_to_replace(path, &sequence)?;
+        input::refuse_to_replace(path, sequence.paths())?;
         let frame = input::read(&sequence, number, &args.input, report)?;
         let (particles, share) = selection::keep(&args.selection, frame.particles)?;
         share.iter().for_each(|share| report.note(format_args!("{share}")));
@@ -43,14 +43,9 @@ pub(super) fn run(args: &args::Convert, report: &Report) -> Outcome<()> {
 /// Grids of files again, some of them or with other numbers.
 fn copy(args: &args::Convert, report: &Report) -> Outcome<()> {
     let job = Job { args, report, pattern: Pattern::new(&args.output) };
-    let is_same = |path: &Path, file: &Path| {
-        path.canonicalize().is_ok_and(|path| file.canonicalize().is_ok_and(|file| file == path))
-    };
     job.each(args.input.files.len(), |number, path| {
         let file = &args.input.files[number];
-        if args.input.files.iter().any(|file| is_same(path, file)) {
-            return Err(Error::setting("-o", path.display(), "another file: this one is being read").into());
-        }
+        input::refuse_to_replace(path, &args.input.files)?;
         let (grids, notes) = vdb::read(file, args.fields.as_deref(), report.progress())?;
         notes.iter().for_each(|note| report.warn(note));
         Ok(grids)
@@ -93,8 +88,7 @@ fn check(names: &[String], particles: &Particles) -> Outcome<()> {
             return Err(Error::setting("--fields", name, "each grid once").into());
         }
         if name != DENSITY && particles.attribute(name).is_none() {
-            let begins = |it: &&&str| !it.is_empty() && name.to_lowercase().starts_with(&it.to_lowercase());
-            let meant = nearest(name, &known).or_else(|| known.iter().find(begins).copied());
+            let meant = nearest(name, known.iter().copied());
             let meant = meant.map_or(String::new(), |it| format!("did you mean '{it}'? "));
             let allowed = format!("{meant}there are: {}", known.join(" "));
             return Err(Error::setting("--fields", name, allowed).into());

@@ -5,8 +5,8 @@ use std::str::FromStr;
 use glam::DVec3;
 
 use super::camera::{Camera, Projection};
-use super::names::nearest;
 use crate::error::{Error, Result};
+use crate::names::nearest;
 
 /// Where the camera is at one time; what is not said is that of the camera that nobody moves.
 #[derive(Clone, Debug, Default, PartialEq)]

@@ -5,8 +5,8 @@
 //! `colormap_tables`, within 1/255 too.
 
 use super::colormap_tables::{KNOTS, LISTS};
-use super::names::nearest;
 use crate::error::{Error, Result};
+use crate::names::nearest;
 
 /// Levels of a smooth map.
 const LEVELS: usize = 256;

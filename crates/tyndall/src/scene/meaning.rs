@@ -2,9 +2,9 @@
 
 use super::element::{Element, Elements, is_of_symbols};
 use super::kinds::types;
-use super::names::nearest;
 use super::quantity::{Quantity, named, unknown};
 use crate::error;
+use crate::names::nearest;
 use crate::particles::{Attribute, Particles, View};
 
 /// More values than this are not listed one by one.

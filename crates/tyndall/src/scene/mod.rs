@@ -15,7 +15,6 @@ pub mod guesses;
 mod kinds;
 pub mod light;
 mod meaning;
-mod names;
 pub mod outline;
 pub mod quantity;
 mod rgb;

@@ -4,8 +4,8 @@
 //! A vector is an attribute with several components, or scalars whose names differ in the axis only (`vx`, `vy`, `vz`).
 
 use super::expression::{Bound, Tree};
-use super::names::nearest;
 use crate::error::{Error, Result};
+use crate::names::nearest;
 use crate::particles::{Attribute, Particles};
 
 /// How the names of a vector's components end in files that hold them as scalars.

@@ -3,7 +3,8 @@
 //! Invariant of what comes out: the name is one of [`NAMES`], the count is below 2^32 - 1.
 
 use super::{KEYS, NAMES};
-use crate::error::{Error, Result, nearest};
+use crate::error::{Error, Result};
+use crate::names::nearest;
 
 /// What a specification says, with its defaults filled in.
 #[derive(Debug, PartialEq)]
@@ -61,7 +62,8 @@ fn known(word: &str, list: &[&'static str]) -> std::result::Result<&'static str,
         return Ok(found);
     }
     let allowed = format!("one of {}", list.join(", "));
-    Err(nearest(word, list).map_or(allowed.clone(), |it| format!("did you mean '{it}'? {allowed}")))
+    Err(nearest(word, list.iter().copied())
+        .map_or(allowed.clone(), |it| format!("did you mean '{it}'? {allowed}")))
 }
 
 /// A whole number, also written as `1e7`, `2.5e6` or `1_000_000`.

@@ -4,8 +4,8 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// Known to all, and knowing only each other.
-const GROUND: [&str; 10] =
-    ["curve", "error", "frozen", "math", "pages", "progress", "random", "simd", "source", "srgb"];
+const GROUND: [&str; 11] =
+    ["curve", "error", "frozen", "math", "names", "pages", "progress", "random", "simd", "source", "srgb"];
 
 /// A module and what it may know besides the ground.
 const ARROWS: [(&str, &[&str]); 8] = [

@@ -1,6 +1,6 @@
 //! The functions that expressions may call.
 
-use crate::scene::names::nearest;
+use crate::names::nearest;
 
 /// A function of numbers.
 #[derive(Debug)]
