@@ -107,12 +107,13 @@ pub(super) fn apply(columns: Columns, assemblies: &[Assembly], wanted: &str, cha
     let (mut number, mut bonds) = (0, Vec::new());
     for (group, ids) in groups.iter().zip(&members) {
         let points: Vec<DVec3> = ids.iter().map(|&id| columns.positions.world(id as usize)).collect();
+        let place = |id: u32| ids.binary_search(&id).ok().map(|place| place as u32);
+        let pair = |&[one, other]: &[u32; 2]| Some([place(one)?, place(other)?]);
+        let bonded: Vec<[u32; 2]> = columns.bonds.iter().filter_map(pair).collect();
         for operator in &group.operators {
             number += 1;
             let first = order.len() as u32;
-            let place = |id: u32| ids.binary_search(&id).ok().map(|place| first + place as u32);
-            let copied = columns.bonds.iter().filter_map(|&[one, other]| Some([place(one)?, place(other)?]));
-            bonds.extend(copied);
+            bonds.extend(bonded.iter().map(|bond| bond.map(|place| first + place)));
             order.extend(ids);
             numbers.extend(std::iter::repeat_n(number, ids.len()));
             let moved: Vec<DVec3> = points.par_iter().map(|&point| operator.apply(point)).collect();
