@@ -1,5 +1,6 @@
 //! Which particles are joined by bonds, and where these go: never across the picture where they leave a periodic cell.
 
+use std::collections::HashSet;
 use std::str::FromStr;
 
 use glam::{DVec3, Vec3};
@@ -17,7 +18,7 @@ use crate::structure::bonds::Segment;
 /// What says who is bonded.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Bonding {
-    /// The file, else the elements.
+    /// The file, else the elements; both where the file tells few of those of the elements, as PDB files do, which leave out what everyone knows.
     #[default]
     Auto,
     /// The file.
@@ -85,6 +86,7 @@ pub fn find(particles: &Particles, bonding: Bonding, radius: Option<f32>) -> Res
     let segments = found.par_iter().flat_map_iter(|&bond| segments(bond, vector(bond))).collect();
     let description = match found.len() {
         0 => format!("no bonds {by}"),
+        1 => format!("1 bond {by}, radius {}", short(radius.into())),
         count => format!("{} bonds {by}, radius {}", grouped(count), short(radius.into())),
     };
     Ok(Bonded { segments, radius, description })
@@ -106,6 +108,13 @@ fn who(
     };
     let of_file = particles.bonds();
     match bonding {
+        // What is bonded as a whole has at least a bond for two particles.
+        Bonding::Auto if !of_file.is_empty() && of_file.len() < particles.len() / 2 => {
+            Ok(match who(particles, lattice, Bonding::Elements) {
+                Ok((known, by)) => with_known(of_file, known, &by),
+                Err(_) => (of_file.to_vec(), "of the file".into()),
+            })
+        }
         Bonding::Auto | Bonding::File if !of_file.is_empty() => Ok((of_file.to_vec(), "of the file".into())),
         Bonding::File => refuse("file", "elements or a distance: the file has no bonds"),
         Bonding::Distance(distance) => {
@@ -139,6 +148,19 @@ fn who(
             limited(pairs(particles, lattice, most, MOST_EACH, reach), by)
         }
     }
+}
+
+/// The bonds of a file, and those that are known otherwise if it tells less than half of them.
+fn with_known(of_file: &[[u32; 2]], known: Vec<[u32; 2]>, by: &str) -> (Vec<[u32; 2]>, String) {
+    let ordered = |[one, other]: [u32; 2]| [one.min(other), one.max(other)];
+    let told: HashSet<[u32; 2]> = of_file.iter().copied().map(ordered).collect();
+    let all = known.len();
+    let more: Vec<[u32; 2]> = known.into_iter().filter(|&bond| !told.contains(&ordered(bond))).collect();
+    if more.len() <= all / 2 {
+        return (of_file.to_vec(), "of the file".into());
+    }
+    let text = format!("of the file and {} {by}", grouped(more.len()));
+    ([of_file, &more].concat(), text)
 }
 
 /// Where a bond goes, between two places with the vector `nearest` from one to the nearest image of the other.
@@ -215,6 +237,18 @@ mod tests {
         let told = find(&named, Bonding::Elements, None).unwrap();
         assert!(told.description.starts_with("2 bonds by the elements, up to 1.2 ×"), "{}", told.description);
         assert!((told.radius - 0.0968).abs() < 1e-3, "a tenth of their length: {}", told.radius);
+    }
+
+    #[test]
+    fn files_that_tell_few_bonds_are_helped_by_the_elements() {
+        let told = |bonds, bonding| find(&water(bonds, true), bonding, Some(0.1)).unwrap().description;
+        let both = told(vec![[3, 0]], Bonding::Auto);
+        assert!(both.starts_with("3 bonds of the file and 2 by the elements, up to 1.2 ×"), "{both}");
+        assert_eq!(told(vec![[3, 0]], Bonding::File), "1 bond of the file, radius 0.1");
+        assert_eq!(told(vec![[1, 0]], Bonding::Auto), "1 bond of the file, radius 0.1");
+        assert_eq!(told(vec![[3, 0], [3, 1]], Bonding::Auto), "2 bonds of the file, radius 0.1");
+        let unnamed = find(&water(vec![[3, 0]], false), Bonding::Auto, Some(0.1)).unwrap();
+        assert_eq!(unnamed.description, "1 bond of the file, radius 0.1");
     }
 
     #[test]
