@@ -1,4 +1,4 @@
-//! What the categories of PDBx/mmCIF mean, as text, as BinaryCIF or in formats with the same columns: atoms, cell and assemblies.
+//! What the categories of PDBx/mmCIF mean, as text, as BinaryCIF or in formats with the same columns: atoms, cell, assemblies and bonds between residues.
 //!
 //! An [`AtomSite`] takes the columns of `_atom_site` by name and gives a frame; a [`Document`] has the small categories, an [`Entry`] what they say. Author's names of
 //! chains and residues are preferred, as they are printed; the archive's names of chains, by which assemblies are made, are `asym`.
@@ -12,12 +12,13 @@ use tyndall::{Columns, DVec3, Error, Result};
 
 use super::assembly::{self, Assembly, Group, Operator};
 use super::column::{Column, Words};
+use super::connections::{self, Partner};
 use super::{Request, finish, molecules, records};
 use crate::sequence::Frame;
 
 /// The small categories that are looked at.
-pub(super) const CATEGORIES: [&str; 5] =
-    ["cell", "symmetry", "space_group", "pdbx_struct_assembly_gen", "pdbx_struct_oper_list"];
+pub(super) const CATEGORIES: [&str; 6] =
+    ["cell", "symmetry", "space_group", "pdbx_struct_assembly_gen", "pdbx_struct_oper_list", "struct_conn"];
 /// An assembly of more operators than this is a mistake, or an attack.
 pub(super) const MOST_OPERATORS: usize = 1 << 16;
 
@@ -210,6 +211,8 @@ impl AtomSite {
             attributes.extend(asym.map(|values| Attribute::new("chain", 1, values)));
         }
         elements(&mut attributes);
+        let mut bonds = entry.bonds.clone();
+        bonds.extend(connections::bonds(&entry.links, &attributes));
         let columns = Columns {
             positions,
             attributes,
@@ -217,7 +220,7 @@ impl AtomSite {
             cell: entry.cell(&mut conventions),
             time: None,
             length_unit: Some("Å".to_string()),
-            bonds: entry.bonds,
+            bonds,
         };
         let columns = match &request.options.assembly {
             Some(wanted) => assembly::apply(columns, &entry.assemblies, wanted, "asym")?,
@@ -261,6 +264,8 @@ pub(super) struct Entry {
     pub(super) assemblies: Vec<Assembly>,
     /// Pairs of atoms.
     pub(super) bonds: Vec<[u32; 2]>,
+    /// Pairs of atoms by their names.
+    pub(super) links: Vec<[Partner; 2]>,
 }
 
 impl Entry {
@@ -317,6 +322,9 @@ impl Document {
             space_group: group.cloned(),
             assemblies: self.assemblies(),
             bonds: Vec::new(),
+            links: connections::links(self.column("struct_conn", "conn_type_id").len(), |item, row| {
+                self.column("struct_conn", item).get(row).map(String::as_str)
+            }),
         }
     }
 

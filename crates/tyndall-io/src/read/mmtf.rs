@@ -341,6 +341,7 @@ pub(crate) fn frame(
             atoms.clone(),
             &fields.integers("bondAtomList")?.unwrap_or_default(),
         ),
+        links: Vec::new(),
     };
     let frame = sites.frame(path, entry, request)?;
     progress.advance(bytes.len() as u64);

@@ -12,6 +12,7 @@ mod bcif;
 mod bgeo;
 mod cif;
 mod column;
+mod connections;
 mod content;
 pub(crate) mod cursor;
 mod dcd;

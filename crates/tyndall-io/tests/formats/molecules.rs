@@ -336,6 +336,16 @@ fn the_shared_mmcif_entries_are_read() {
     check_frame(name, &particles, expected);
     check_atoms(&particles, expected);
     assert_eq!(open_assembly(name, "1").unwrap().len(), 4779);
+    // The irons and their histidines, at the distances that the file says.
+    let lengths: Vec<i64> = particles
+        .bonds()
+        .iter()
+        .map(|pair| {
+            let [one, other] = pair.map(|id| particles.positions().world(id as usize));
+            (1000.0 * one.distance(other)).round() as i64
+        })
+        .collect();
+    assert_eq!(lengths, [2143, 2222, 2258, 1982]);
     cut(name);
 
     let Some((sequence, expected)) = check_shared("molecular/2axd.bcif") else { return };
