@@ -13,6 +13,8 @@ pub mod gpu;
 pub mod interactive;
 pub mod medium;
 pub mod normals;
+mod paths;
+pub mod refine;
 mod samples;
 mod sampling;
 mod shade;
@@ -85,6 +87,7 @@ impl Settings {
         if samples == 0 {
             return Err(Error::setting("samples", samples, "at least 1 a pixel"));
         }
+        scene.lighting.check()?;
         let replicated = scene.structure().replicas().is_some();
         let bonded = scene.bonds().is_some();
         match &self.culling {

@@ -75,6 +75,7 @@ pub(crate) enum Dimension {
     Pixel,
     Key,
     Sky,
+    Lens,
 }
 
 /// Point `index` of the sequence for `dimension`, in [0, 1)^2; `stream` tells pixels apart.

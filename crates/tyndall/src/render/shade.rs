@@ -20,14 +20,18 @@ pub(crate) struct LightSample {
 /// would be noise is the sum of many hard shadows.
 pub(crate) fn light_sample(key: &KeyLight, seed: u32, sample: u32) -> LightSample {
     LightSample {
-        key: in_cone(key.toward, key.angular_radius, shuffled_point(seed, Dimension::Key, 0, sample).into()),
+        key: in_cone(
+            key.toward,
+            key.angular_radius.cos(),
+            shuffled_point(seed, Dimension::Key, 0, sample).into(),
+        ),
         sky: on_sphere(shuffled_point(seed, Dimension::Sky, 0, sample).into()),
     }
 }
 
-/// A direction uniformly distributed over the cone of half angle `angle` around `axis`.
-fn in_cone(axis: Vec3, angle: f32, random: Vec2) -> Vec3 {
-    let z = 1.0 - random.x * (1.0 - angle.cos());
+/// A direction uniformly distributed over the cone around `axis` whose half angle has this cosine.
+pub(super) fn in_cone(axis: Vec3, cosine: f32, random: Vec2) -> Vec3 {
+    let z = 1.0 - random.x * (1.0 - cosine);
     let r = (1.0 - z * z).max(0.0).sqrt();
     let (sin, cos) = (std::f32::consts::TAU * random.y).sin_cos();
     let (u, v) = axis.any_orthonormal_pair();
@@ -36,7 +40,7 @@ fn in_cone(axis: Vec3, angle: f32, random: Vec2) -> Vec3 {
 
 /// A direction uniformly distributed over the sphere.
 fn on_sphere(random: Vec2) -> Vec3 {
-    in_cone(Vec3::Z, std::f32::consts::PI, random)
+    in_cone(Vec3::Z, -1.0, random)
 }
 
 /// Light that a matte white surface sends to the eye when it sees the key light, by the cosine of its angle to it.
@@ -49,8 +53,14 @@ pub(crate) fn key_radiance(key: &KeyLight) -> f32 {
 /// to it: radiance over pi, divided by the density 1/(4 pi) of directions.
 #[inline(always)]
 pub(crate) fn sky_radiance(sky: &Sky, toward: Vec3) -> f32 {
+    4.0 * sky_brightness(sky, toward)
+}
+
+/// Radiance of the sky in a direction.
+#[inline(always)]
+pub(crate) fn sky_brightness(sky: &Sky, toward: Vec3) -> f32 {
     let height = 0.5 + 0.5 * toward.dot(sky.up);
-    4.0 * (sky.ground + (sky.zenith - sky.ground) * height)
+    sky.ground + (sky.zenith - sky.ground) * height
 }
 
 /// The color of a pixel of `samples` samples, of the sum of the light of those that met a particle and their number; a background

@@ -124,7 +124,7 @@ impl ParticleColors {
         }
     }
 
-    pub(super) fn palette(colors: Vec<[u8; 3]>, places: Vec<u8>, description: String) -> Self {
+    pub(crate) fn palette(colors: Vec<[u8; 3]>, places: Vec<u8>, description: String) -> Self {
         let colors = colors.into_iter().map(linear).collect();
         Self { store: Store::Palette { colors, places }, description, legend: None }
     }

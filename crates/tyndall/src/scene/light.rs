@@ -2,6 +2,9 @@
 
 use glam::Vec3;
 
+use super::material::Material;
+use crate::error::{Error, Result};
+
 /// A distant light with a disc that makes soft shadows.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct KeyLight {
@@ -31,11 +34,62 @@ pub enum Lighting {
     Headlight,
     /// A key light with soft shadows and a sky with ambient occlusion, both traced.
     Studio(KeyLight, Sky),
+    /// The same lights, and all light that goes from particle to particle.
+    Paths(Paths),
     /// None: the pure color.
     Flat,
 }
 
+/// Light by path tracing: what surfaces are made of, and how far light is followed.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Paths {
+    /// See [`Lighting::Studio`].
+    pub key: KeyLight,
+    /// See [`Lighting::Studio`]. Shiny surfaces mirror it; behind the particles is the scene's background.
+    pub sky: Sky,
+    /// Of all particles.
+    pub material: Material,
+    /// How often light is thrown on from one surface to another before it reaches the eye; 0 is what `Studio` shows. Surfaces that light goes
+    /// through do not count.
+    pub bounces: u32,
+    /// A lens that is sharp at one distance; none is sharp everywhere.
+    pub lens: Option<Lens>,
+}
+
+impl Paths {
+    /// Fails with [`Error::Setting`] if a material or a lens is out of range.
+    pub(crate) fn check(&self) -> Result<()> {
+        self.material.check()?;
+        match self.lens {
+            Some(Lens { radius, .. }) if !(radius > 0.0 && radius.is_finite()) => {
+                Err(Error::setting("--aperture", radius, "a length greater than 0"))
+            }
+            Some(Lens { focus, .. }) if !(focus > 0.0 && focus.is_finite()) => {
+                Err(Error::setting("--focus", focus, "a distance in front of the eye"))
+            }
+            _ => Ok(()),
+        }
+    }
+}
+
+/// A thin lens.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Lens {
+    /// Radius of its opening, in the unit of the particles; greater than 0.
+    pub radius: f32,
+    /// Distance of the plane that is sharp, along the line of sight from the eye; greater than 0.
+    pub focus: f32,
+}
+
 impl Lighting {
+    /// Fails with [`Error::Setting`] if something is out of range.
+    pub(crate) fn check(&self) -> Result<()> {
+        match self {
+            Self::Paths(paths) => paths.check(),
+            Self::Headlight | Self::Studio(..) | Self::Flat => Ok(()),
+        }
+    }
+
     /// The default look: the key light from the upper left behind the camera, the sky above it.
     /// `forward`, `right` and `up` are the camera's axes.
     pub fn studio(forward: Vec3, right: Vec3, up: Vec3) -> Self {

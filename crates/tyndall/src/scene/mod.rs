@@ -14,6 +14,8 @@ mod expression;
 pub mod guesses;
 mod kinds;
 pub mod light;
+pub mod looks;
+pub mod material;
 mod meaning;
 pub mod outline;
 pub mod quantity;
@@ -131,6 +133,24 @@ impl Scene {
 
     /// Depth and node of the first bond that a ray meets before `depth`; every bond of every image is tried.
     pub(crate) fn bond_before(&self, ray: &Ray, depth: Option<f32>) -> Option<(f32, u32)> {
+        self.first_bond(ray, depth, |bonds, ray, _| bonds.intersect(ray))
+    }
+
+    /// The same by the hierarchy of the bonds, but for the one of node `except`. Where rounding decides whether a rim is met, it may not be.
+    pub(crate) fn bond_met(&self, ray: &Ray, depth: Option<f32>, except: Option<u32>) -> Option<(f32, u32)> {
+        self.first_bond(ray, depth, |bonds, ray, first_node| {
+            let except = except.and_then(|node| node.checked_sub(first_node)).map(|node| node / 2);
+            bonds.nearest(ray, except)
+        })
+    }
+
+    /// What `ask` finds in the bonds of each image, whose nodes count from the number that it is told.
+    fn first_bond(
+        &self,
+        ray: &Ray,
+        depth: Option<f32>,
+        ask: impl Fn(&Bonds, &Ray, u32) -> Option<(f32, u32)>,
+    ) -> Option<(f32, u32)> {
         let bonds = self.bonds.as_ref()?;
         let mut best: Option<(f32, u32)> = None;
         for image in 0..self.structure.images() {
@@ -138,7 +158,8 @@ impl Scene {
                 best.map(|(depth, _)| depth).or(depth).map_or(ray.t_max, |depth| depth.min(ray.t_max));
             let moved = Ray { origin: ray.origin - self.structure.shift(image), t_max, ..*ray };
             let first_node = self.structure.nodes() + image * bonds.nodes();
-            best = bonds.intersect(&moved).map(|(depth, node)| (depth, first_node + node)).or(best);
+            let found = ask(bonds, &moved, first_node);
+            best = found.map(|(depth, node)| (depth, first_node + node)).or(best);
         }
         best
     }

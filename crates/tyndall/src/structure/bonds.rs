@@ -7,6 +7,7 @@ use glam::Vec3;
 
 use super::Structure;
 use super::bvh::{Bvh, Packing};
+use super::search::{Every, Search};
 use crate::error::{Error, Result};
 use crate::math::{Bounds, Ray};
 use crate::structure::build::Record;
@@ -92,6 +93,8 @@ pub struct Bonds {
     ends: Vec<[u32; 2]>,
     /// Over those that are shown.
     bvh: Bvh,
+    /// The radius of the largest ball around one.
+    longest: f32,
 }
 
 impl Bonds {
@@ -122,7 +125,8 @@ impl Bonds {
             }
         }
         let bvh = hierarchy(&cylinders, |_| true)?;
-        Ok(Self { cylinders, ends, bvh })
+        let longest = cylinders.iter().map(Cylinder::reach).fold(0.0, f32::max);
+        Ok(Self { cylinders, ends, bvh, longest })
     }
 
     /// Shows those both of whose particles are shown.
@@ -171,6 +175,27 @@ impl Bonds {
     #[inline(always)]
     pub(crate) fn owner(&self, node: u32) -> u32 {
         self.ends[node as usize / 2][node as usize % 2]
+    }
+
+    /// What a ray enters first, but for bond `except`, and the node, counted from 0: those are tried whose balls it enters.
+    pub(crate) fn nearest(&self, ray: &Ray, except: Option<u32>) -> Option<(f32, u32)> {
+        // Started so far back that it enters the balls in which it is.
+        let back = 2.5 * self.longest;
+        let from_behind = Ray { origin: ray.origin - back * ray.direction, t_max: ray.t_max + back, ..*ray };
+        let mut best: Option<(f32, u32)> = None;
+        let mut met = |_, place: u32| {
+            let bond = self.at(place);
+            if except != Some(bond)
+                && let Some((t, is_second)) = enter_cylinder(ray, self.cylinder(bond))
+            {
+                let found = (t, 2 * bond + u32::from(is_second));
+                if best.is_none_or(|best| t < best.0 || t == best.0 && found.1 < best.1) {
+                    best = Some(found);
+                }
+            }
+        };
+        self.bvh.search(Search::observed(&from_behind, Every(&mut met)));
+        best
     }
 
     /// What a ray enters first, and the node, counted from 0: every bond that is shown is tried.
@@ -279,6 +304,38 @@ mod tests {
             }
         }
         assert!(entered > 500 && ends > 200, "{entered} entered, {ends} of them through an end");
+    }
+
+    #[test]
+    fn the_hierarchy_finds_what_trying_every_bond_finds() {
+        let mut stream = Stream::new(11, 0);
+        let mut point = || Vec3::from([0, 1, 2].map(|_| stream.range(-1.0, 1.0)));
+        let cylinders: Vec<Cylinder> = (0..300)
+            .map(|_| Cylinder {
+                middle: 4.0 * point(),
+                axis: point().normalize(),
+                half_length: 0.5,
+                radius: 0.1,
+            })
+            .collect();
+        let bonds = Bonds {
+            bvh: hierarchy(&cylinders, |bond| bond % 7 != 3).unwrap(),
+            ends: vec![[0; 2]; cylinders.len()],
+            longest: cylinders[0].reach(),
+            cylinders,
+        };
+        let mut met = 0;
+        for _ in 0..2000 {
+            let ray = Ray { origin: 5.0 * point(), direction: point().normalize(), t_min: 0.0, t_max: 6.0 };
+            let expected = bonds.intersect(&ray);
+            assert_eq!(bonds.nearest(&ray, None), expected);
+            if let Some((_, node)) = expected {
+                met += 1;
+                let behind = bonds.nearest(&ray, Some(node / 2));
+                assert!(behind.is_none_or(|(t, other)| other / 2 != node / 2 && t >= expected.unwrap().0));
+            }
+        }
+        assert!(met > 200, "{met}");
     }
 
     #[test]

@@ -5,6 +5,7 @@ mod certified;
 mod culling;
 mod interactive;
 mod oracle;
+mod refine;
 mod relight;
 mod replicas;
 pub(crate) mod scenes;

@@ -13,7 +13,9 @@ mod hits;
 mod lighting;
 pub(super) mod normals;
 mod pass;
+mod paths;
 mod replicas;
+mod settling;
 mod shadows;
 mod surfaces;
 mod tiles;
@@ -30,7 +32,7 @@ use crate::progress::Progress;
 use crate::render::sampling::{Nearness, Samples};
 use crate::scene::Scene;
 use crate::scene::camera::View;
-use crate::scene::light::Lighting;
+use crate::scene::light::{KeyLight, Lighting, Sky};
 use crate::simd::Lanes3;
 use crate::structure::Store;
 use bytemuck::Zeroable;
@@ -56,6 +58,8 @@ struct FilmTile {
     y: u32,
     /// How many samples each of its pixels has.
     samples: u32,
+    /// Whether these are enough.
+    settled: bool,
     /// Sum of the light of samples that met a particle, and their number.
     sum: [[f32; 4]; FILM_PIXELS],
     /// What the sample nearest the pixel's center met.
@@ -75,6 +79,8 @@ pub(crate) struct Film {
     /// What the samples met, by film tile and pass, where that is kept.
     kept: Vec<Vec<Hits>>,
     pub(super) keeps: bool,
+    /// By film tile what it was a round ago, where noise is measured.
+    earlier: Vec<settling::Earlier>,
 }
 
 impl Film {
@@ -104,12 +110,13 @@ impl Film {
     pub(crate) fn clear(&mut self) {
         self.begun.clear();
         self.nearness = Nearness::NONE;
-        self.tiles.iter_mut().for_each(|tile| tile.samples = 0);
+        self.tiles.iter_mut().for_each(|tile| (tile.samples, tile.settled) = (0, false));
+        self.earlier.clear();
     }
 
-    /// Whether every pixel has at least so many samples.
+    /// Whether every pixel has at least so many samples, or enough.
     pub(crate) fn has(&self, samples: u32) -> bool {
-        self.tiles.iter().all(|tile| tile.samples >= samples)
+        self.tiles.iter().all(|tile| tile.settled || tile.samples >= samples)
     }
 
     /// Without samples. Tiles lie along a Morton curve, so that neighbors in time are neighbors in the picture.
@@ -128,7 +135,8 @@ impl Film {
             (tile.x, tile.y) = (x * FILM_EDGE as u32, y * FILM_EDGE as u32);
         }
         let kept = vec![Vec::new(); tiles.len()];
-        Self { width, height, tiles, nearness: Nearness::NONE, begun: Vec::new(), kept, keeps: false }
+        let (begun, earlier) = (Vec::new(), Vec::new());
+        Self { width, height, tiles, nearness: Nearness::NONE, begun, kept, keeps: false, earlier }
     }
 
     /// Writes the mean of the samples of each pixel, over the scene's background; nothing but background where there are none.
@@ -239,7 +247,7 @@ pub(crate) fn for_each_tile(
                     return;
                 }
                 // Passes that were interrupted have left some tiles.
-                if film_tile.samples != pass.first {
+                if film_tile.settled || film_tile.samples != pass.first {
                     continue;
                 }
                 scratch.remember(passes, pass);
@@ -343,6 +351,7 @@ fn render_film_tile<S: Simd>(
     if pass.first == 0 {
         film_tile.sum = [[0.0; 4]; FILM_PIXELS];
     }
+    let is_lit_later = matches!(pass.scene.lighting, Lighting::Studio(..) | Lighting::Paths(_));
     let tile_px = pass.tile_px();
     for y in (0..FILM_EDGE).step_by(tile_px) {
         for x in (0..FILM_EDGE).step_by(tile_px) {
@@ -355,7 +364,7 @@ fn render_film_tile<S: Simd>(
             for block in 0..BLOCKS {
                 let first = (y + block / EDGE * pass.block_px) * FILM_EDGE + x + block % EDGE * pass.block_px;
                 keep_nearest(pass, block, first, film_tile, &scratch.tile);
-                if matches!(pass.scene.lighting, Lighting::Studio(..)) {
+                if is_lit_later {
                     continue;
                 }
                 let at = block_at(block % EDGE, block / EDGE);
@@ -365,14 +374,16 @@ fn render_film_tile<S: Simd>(
                     draw(simd, pass, &met, first, film_tile);
                 }
             }
-            if matches!(found, Found::New { keeps: true, .. })
-                || matches!(pass.scene.lighting, Lighting::Studio(..))
-            {
+            if matches!(found, Found::New { keeps: true, .. }) || is_lit_later {
                 scratch.hits.keep(pass, (x, y), &scratch.tile);
             }
         }
     }
-    light(simd, pass, film_tile, scratch);
+    match &pass.scene.lighting {
+        Lighting::Studio(key, sky) => light(simd, pass, (key, sky), film_tile, scratch),
+        Lighting::Paths(paths) => paths::light(simd, pass, paths, film_tile, &scratch.hits),
+        Lighting::Headlight | Lighting::Flat => {}
+    }
 }
 
 /// Keeps depth and node of the block's samples that are the nearest so far to the centers of their pixels; the block's first
@@ -469,12 +480,15 @@ fn draw<S: Simd>(simd: S, pass: &Pass, met: &Met<S>, first: usize, film_tile: &m
     }
 }
 
-/// Lights all that the film tile's samples met, and adds it to the film.
+/// Lights all that the film tile's samples met with lights of the studio, and adds it to the film.
 #[simd]
-fn light<S: Simd>(simd: S, pass: &Pass, film_tile: &mut FilmTile, scratch: &mut Scratch) {
-    let Lighting::Studio(key, sky) = &pass.scene.lighting else {
-        return;
-    };
+fn light<S: Simd>(
+    simd: S,
+    pass: &Pass,
+    (key, sky): (&KeyLight, &Sky),
+    film_tile: &mut FilmTile,
+    scratch: &mut Scratch,
+) {
     let corner = (film_tile.x as usize, film_tile.y as usize);
     for (sample, light) in pass.lights.iter().enumerate() {
         for packet in 0..PACKETS {

@@ -1,0 +1,235 @@
+//! Light that goes from particle to particle, by path tracing.
+//!
+//! A path starts where the eye's ray met a surface. There the key light is looked at by a shadow ray, and the path goes on in a direction that
+//! the surface's material draws; what leaves the particles sees the sky, and the key light in so far as looking at it has not found it (the balance
+//! heuristic). Paths end after the bounces that are wanted, or by Russian roulette. Invariant: the expected value of every pixel is its radiance
+//! with that many bounces; the same seed gives the same bits for any number of threads.
+//!
+//! Sources: J. Kajiya, "The rendering equation", SIGGRAPH 1986; E. Veach, L. Guibas, "Optimally combining sampling techniques for Monte Carlo
+//! rendering", SIGGRAPH 1995.
+
+mod clear;
+mod scatter;
+
+use std::f32::consts::{PI, TAU};
+
+use glam::Vec3;
+
+use super::sampling::{Dimension, shuffled_point};
+use super::shade::{in_cone, sky_brightness};
+use crate::math::Ray;
+use crate::random::Stream;
+use crate::scene::Scene;
+use crate::scene::camera::View;
+use crate::scene::light::{Lens, Paths};
+use crate::scene::material::Material;
+use scatter::Scatter;
+
+/// Paths whose throughput falls below this are ended with a chance.
+const ROULETTE: f32 = 0.25;
+
+/// Surfaces that light goes through or is mirrored by within clear bodies, at most: then a path ends.
+const MOST_CLEAR: u32 = 64;
+
+/// A sample of a pixel, whose random numbers are its own.
+#[derive(Clone, Copy)]
+pub(super) struct Sample {
+    pub(super) seed: u32,
+    /// Of the pixel.
+    pub(super) pixel: [u32; 2],
+    /// Among those of the pixel.
+    pub(super) number: u32,
+}
+
+impl Sample {
+    fn stream(&self) -> Stream {
+        let [x, y] = self.pixel.map(u64::from);
+        Stream::new(u64::from(self.seed), (y << 16 | x) << 32 | u64::from(self.number))
+    }
+
+    fn point(&self, dimension: Dimension) -> [f32; 2] {
+        shuffled_point(self.seed, dimension, self.pixel[1] << 16 | self.pixel[0], self.number)
+    }
+}
+
+/// A surface that a ray met.
+#[derive(Clone, Copy)]
+struct Surface {
+    node: u32,
+    position: Vec3,
+    normal: Vec3,
+    color: Vec3,
+    /// Of a sphere its center and radius; bonds are no clear bodies.
+    sphere: Option<(Vec3, f32)>,
+}
+
+/// Follows light in a scene.
+pub(super) struct Tracer<'a> {
+    scene: &'a Scene,
+    paths: &'a Paths,
+    /// Radiance of the key light's disc, and one over its solid angle.
+    key_radiance: f32,
+    key_density: f32,
+    key_cosine: f32,
+}
+
+impl<'a> Tracer<'a> {
+    pub(super) fn new(scene: &'a Scene, paths: &'a Paths) -> Self {
+        // A point-like key light is a small disc.
+        let angle = paths.key.angular_radius.clamp(1e-3, PI);
+        let solid_angle = TAU * 2.0 * (0.5 * angle).sin().powi(2);
+        Self {
+            scene,
+            paths,
+            key_radiance: PI * paths.key.strength / solid_angle,
+            key_density: 1.0 / solid_angle,
+            key_cosine: angle.cos(),
+        }
+    }
+
+    /// What a ray meets first, but for the particle or bond at node `except`.
+    pub(super) fn meet(&self, ray: &Ray, except: Option<u32>) -> Option<(f32, u32)> {
+        let hit = self.scene.structure().intersect(ray, except).map(|hit| (hit.t, hit.node));
+        self.scene.bond_met(ray, hit.map(|(depth, _)| depth), except).or(hit)
+    }
+
+    /// RGB radiance toward the origin of `ray`, which meets `node` at distance `t`.
+    pub(super) fn radiance(&self, ray: &Ray, (t, node): (f32, u32), sample: Sample) -> Vec3 {
+        let mut stream = sample.stream();
+        let mut direction = ray.direction;
+        let mut surface = self.surface(ray, t, node);
+        let mut throughput = Vec3::ONE;
+        let mut radiance = Vec3::ZERO;
+        let (mut bounces, mut clear) = (0, 0);
+        loop {
+            let next = match (self.paths.material, surface.sphere) {
+                (Material::Clear { index }, Some(sphere)) => {
+                    clear += 1;
+                    let out = clear::cross(self, (&surface, sphere), direction, index, &mut stream);
+                    throughput *= out.throughput;
+                    if clear > MOST_CLEAR || throughput == Vec3::ZERO {
+                        return radiance;
+                    }
+                    direction = out.direction;
+                    let met = self.leave(out.origin, direction, out.node);
+                    if met.is_none() {
+                        // Nothing has looked at the light before.
+                        return radiance + throughput * self.outside(direction, None);
+                    }
+                    met
+                }
+                (material, _) => {
+                    let is_first = bounces == 0 && clear == 0;
+                    let spread = |dimension, stream: &mut Stream| {
+                        if is_first { sample.point(dimension) } else { [stream.unit(), stream.unit()] }
+                    };
+                    let scatter = Scatter::new(&material, surface.normal, -direction, surface.color);
+                    let random = spread(Dimension::Key, &mut stream);
+                    radiance += throughput * self.key_light(&surface, &scatter, random);
+                    let random = spread(Dimension::Sky, &mut stream);
+                    direction = scatter.draw(random, stream.unit());
+                    let thrown = scatter.evaluate(direction);
+                    if thrown.density <= 0.0 || thrown.share == Vec3::ZERO {
+                        return radiance;
+                    }
+                    throughput *= thrown.share / thrown.density;
+                    let met = self.leave(surface.position, direction, surface.node);
+                    if met.is_none() {
+                        return radiance + throughput * self.outside(direction, Some(thrown.density));
+                    }
+                    bounces += 1;
+                    met
+                }
+            };
+            if bounces > self.paths.bounces {
+                return radiance;
+            }
+            let most = throughput.max_element();
+            if most < ROULETTE {
+                if stream.unit() * ROULETTE >= most {
+                    return radiance;
+                }
+                throughput *= ROULETTE / most;
+            }
+            let Some(next) = next else { return radiance };
+            surface = next;
+        }
+    }
+
+    /// The surface that is met from another in a direction, if any.
+    fn leave(&self, origin: Vec3, direction: Vec3, from: u32) -> Option<Surface> {
+        let ray = Ray { origin, direction, t_min: 0.0, t_max: f32::INFINITY };
+        let (t, node) = self.meet(&ray, Some(from))?;
+        Some(self.surface(&ray, t, node))
+    }
+
+    /// Light of the key light that a surface throws on.
+    fn key_light(&self, surface: &Surface, scatter: &Scatter, random: [f32; 2]) -> Vec3 {
+        if self.paths.key.strength <= 0.0 {
+            return Vec3::ZERO;
+        }
+        let toward = in_cone(self.paths.key.toward, self.key_cosine, random.into());
+        let thrown = scatter.evaluate(toward);
+        if thrown.share == Vec3::ZERO {
+            return Vec3::ZERO;
+        }
+        let ray = Ray { origin: surface.position, direction: toward, t_min: 0.0, t_max: f32::INFINITY };
+        if self.is_shadowed(&ray, surface.node) {
+            return Vec3::ZERO;
+        }
+        thrown.share * (self.key_radiance / (self.key_density + thrown.density))
+    }
+
+    fn is_shadowed(&self, ray: &Ray, from: u32) -> bool {
+        self.scene.structure().occluded(ray, Some(from))
+            || self.scene.bond_met(ray, None, Some(from)).is_some()
+    }
+
+    /// Radiance from outside that a direction sees which was drawn with a density, beyond what looking at the key light finds; all of it
+    /// without a density.
+    fn outside(&self, direction: Vec3, density: Option<f32>) -> Vec3 {
+        let mut radiance = sky_brightness(&self.paths.sky, direction);
+        if direction.dot(self.paths.key.toward) >= self.key_cosine {
+            let share = density.map_or(1.0, |density| density / (density + self.key_density));
+            radiance += share * self.key_radiance;
+        }
+        Vec3::splat(radiance)
+    }
+
+    /// Where a ray meets the particle or bond at a node.
+    fn surface(&self, ray: &Ray, t: f32, node: u32) -> Surface {
+        let point = ray.origin + t * ray.direction;
+        let structure = self.scene.structure();
+        let (center, radius, owner, is_sphere) = match self.scene.locate_bond(node) {
+            Some((bonds, half, shift)) => {
+                let cylinder = bonds.cylinder(half / 2);
+                (cylinder.center_of(point - shift) + shift, cylinder.radius, bonds.owner(half), false)
+            }
+            None => {
+                let (center, radius) = structure.sphere(node);
+                (center, radius, structure.original(node), true)
+            }
+        };
+        // A sphere so small that rounding leaves no direction faces the ray.
+        let normal = (point - center).normalize_or(-ray.direction);
+        Surface {
+            node,
+            position: center + radius * normal,
+            normal,
+            color: self.scene.color(owner).into(),
+            sphere: is_sphere.then_some((center, radius)),
+        }
+    }
+}
+
+/// The ray of a sample through a lens, for one through the middle of the lens.
+pub(super) fn through_lens(view: &View, lens: &Lens, ray: &Ray, sample: Sample) -> Ray {
+    let sharp = ray.origin + ray.direction * (lens.focus / ray.direction.dot(view.forward));
+    let random = sample.point(Dimension::Lens);
+    let (radius, (sin, cos)) = (lens.radius * random[0].sqrt(), (TAU * random[1]).sin_cos());
+    let origin = ray.origin + (radius * cos) * view.right + (radius * sin) * view.up;
+    Ray { origin, direction: (sharp - origin).normalize_or(ray.direction), ..*ray }
+}
+
+#[cfg(test)]
+mod tests;
