@@ -2,6 +2,7 @@
 
 use std::ffi::OsString;
 use std::path::PathBuf;
+use std::time::Duration;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use glam::DVec3;
@@ -18,7 +19,7 @@ use crate::culling::CullingArgs;
 use crate::device::Choice;
 use crate::medium::args::{Density, Medium};
 use crate::output::EncoderName;
-use crate::values::{Background, Degrees, Ortho, Size, Slice, count, length, point};
+use crate::values::{Background, Degrees, Focus, Ortho, Size, Slice, count, length, point};
 
 /// Particle files to pictures: exact spheres, at any count.
 #[derive(Parser)]
@@ -207,6 +208,9 @@ pub(crate) struct Picture {
     /// Samples a pixel; with 1 the sample is the pixel's center [default: 64, of a medium 4]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     pub(crate) samples: Option<u32>,
+    /// Adds samples for so long to each picture of spheres: 30s, 5m; with --noise 1% until one of both is reached
+    #[arg(long, value_name = "TIME", value_parser = crate::values::duration, allow_hyphen_values = true)]
+    pub(crate) time: Option<Duration>,
     /// Another seed gives other random numbers
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub(crate) seed: u32,
@@ -353,7 +357,7 @@ pub(crate) struct Look {
     /// no memory, and show what is chosen alike
     #[arg(long, value_name = "NX,NY,NZ", value_parser = crate::values::images)]
     pub(crate) replicate: Option<[u32; 3]>,
-    /// Draws bonds, each half in the color of its particle: those of the file, else by the elements (auto), or file, elements, or up to this
+    /// Draws bonds, each half in the color of its particle: those of the file, else or besides by the elements (auto), or file, elements, or up to this
     /// distance. Spheres keep their radius: --radius-scale 0.25 shows balls and sticks
     #[arg(long, value_name = "WHICH", num_args = 0..=1, default_missing_value = "auto")]
     pub(crate) bonds: Option<Bonding>,
@@ -363,9 +367,24 @@ pub(crate) struct Look {
     /// What every radius is multiplied with
     #[arg(long, value_name = "S", default_value = "1", value_parser = length, allow_hyphen_values = true)]
     pub(crate) radius_scale: f32,
-    /// Light
+    /// Light and material; from matte on light also goes from particle to particle (path tracing, on the CPU)
     #[arg(long, value_name = "LOOK", default_value = "default")]
     pub(crate) look: LightLook,
+    /// With a look that is traced: how often light is thrown on by surfaces [default: 4]; with the default look traces it as matte
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(0..=1000))]
+    pub(crate) bounces: Option<u32>,
+    /// Roughness of its material: 0 to 1, of coats and metal 0.02 to 1 [default: by the look]
+    #[arg(long, value_name = "R", allow_hyphen_values = true)]
+    pub(crate) roughness: Option<f32>,
+    /// Refractive index of glossy, glass and water: above 1 [default: by the look]
+    #[arg(long, value_name = "N", allow_hyphen_values = true)]
+    pub(crate) refraction: Option<f32>,
+    /// Radius of the camera's lens, in the unit of the file: what is not in focus is blurred
+    #[arg(long, value_name = "LENGTH", value_parser = length, allow_hyphen_values = true)]
+    pub(crate) aperture: Option<f32>,
+    /// Distance from the eye that is in focus, or the point X,Y,Z [default: what the camera looks at]
+    #[arg(long, value_name = "LENGTH", requires = "aperture", allow_hyphen_values = true)]
+    pub(crate) focus: Option<Focus>,
 }
 
 impl Look {
@@ -375,7 +394,7 @@ impl Look {
     }
 }
 
-/// How particles are lit.
+/// Names of [`tyndall::scene::looks::Look`].
 #[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub(crate) enum LightLook {
     /// A key light with soft shadows, and a sky with ambient occlusion
@@ -384,6 +403,24 @@ pub(crate) enum LightLook {
     Headlight,
     /// The pure colors
     Flat,
+    /// Even surfaces that light each other
+    Matte,
+    /// Matte under a clear coat
+    Glossy,
+    /// Brushed mirrors in the particles' colors
+    Metal,
+    /// Clear bodies; the particles' colors are what light has after a diameter
+    Glass,
+    /// The same with less refraction
+    Water,
+    /// Rough ground
+    Clay,
+    /// Even surfaces in much sky and little sun, for print
+    Paper,
+    /// Rough ground in a hard sun
+    Sand,
+    /// Rough ground under an overcast sky
+    Dust,
 }
 
 /// How it is done.

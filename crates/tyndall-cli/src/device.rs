@@ -1,7 +1,9 @@
 //! Which device renders: `--device`, and the list of `tyndall devices`.
 
 use std::str::FromStr;
+use std::time::{Duration, Instant};
 
+use tyndall::render::refine::Quality;
 use tyndall::render::{Culling, Renderer, Settings};
 use tyndall::scene::Scene;
 use tyndall::scene::camera::Camera;
@@ -77,10 +79,46 @@ fn check(choice: &Choice, work: Work) -> Result<()> {
     Err(Error::setting("--build", "gpu", allowed))
 }
 
+/// How a picture is made beside its settings.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Goal {
+    /// How much noise may be left, if that is asked for.
+    pub(crate) noise: Option<f32>,
+    /// How long samples are added, if that is asked for.
+    pub(crate) time: Option<Duration>,
+}
+
+impl Goal {
+    /// Whether samples are added as they are needed.
+    pub(crate) fn is_given(&self) -> bool {
+        self.name().is_some()
+    }
+
+    /// The option that asks for it.
+    pub(crate) fn name(&self) -> Option<&'static str> {
+        self.noise.map(|_| "--noise").or(self.time.map(|_| "--time"))
+    }
+}
+
 /// A picture by the processor, with what culling saved.
-fn on_processor(scene: &Scene, camera: &Camera, settings: &Settings, report: &Report) -> Result<Image> {
+fn on_processor(
+    scene: &Scene,
+    camera: &Camera,
+    (settings, goal): (&Settings, Goal),
+    report: &Report,
+) -> Result<Image> {
     let mut renderer = Renderer::new(scene, camera, settings)?;
-    renderer.finish(report.progress())?;
+    if goal.is_given() {
+        let start = Instant::now();
+        let mut is_late = || goal.time.is_some_and(|time| start.elapsed() >= time);
+        let found = renderer.refine(goal.noise.unwrap_or(0.0), &mut is_late, report.progress())?;
+        let Quality { noise, samples: [least, most] } = found;
+        let text =
+            if noise.is_finite() { format!("noise {:.2} %", 100.0 * noise) } else { "noise unknown".into() };
+        report.note(format_args!("{text}, {least} to {most} samples"));
+    } else {
+        renderer.finish(report.progress())?;
+    }
     culling::tell(&settings.culling, &renderer.counts(), report);
     if let Some(found) = renderer.confidence().filter(|_| report.is_verbose()) {
         culling::tell_confidence(&found, report);
@@ -99,7 +137,7 @@ mod card {
     use tyndall::structure::{Kind, Spheres, Structure};
     use tyndall::{Error, Image, Result};
 
-    use super::{Choice, Work, check, on_processor};
+    use super::{Choice, Goal, Work, check, on_processor};
     use crate::args::Builder;
     use crate::culling;
     use crate::report::{Outcome, Report, bytes};
@@ -253,11 +291,11 @@ mod card {
             &self,
             scene: &Scene,
             camera: &Camera,
-            settings: &Settings,
+            (settings, goal): (&Settings, Goal),
             report: &Report,
         ) -> Result<Image> {
             match self {
-                Self::Processor => on_processor(scene, camera, settings, report),
+                Self::Processor => on_processor(scene, camera, (settings, goal), report),
                 Self::Card(resident) => {
                     let mut renderer = gpu::Renderer::new(resident, scene, camera, settings)?;
                     renderer.complete(report.progress())?;
@@ -284,7 +322,7 @@ mod processor {
     use tyndall::structure::{Kind, Structure};
     use tyndall::{Error, Image, Result};
 
-    use super::{Choice, Work, check, on_processor};
+    use super::{Choice, Goal, Work, check, on_processor};
     use crate::args::Builder;
     use crate::report::{Outcome, Report};
 
@@ -342,10 +380,10 @@ mod processor {
             &self,
             scene: &Scene,
             camera: &Camera,
-            settings: &Settings,
+            (settings, goal): (&Settings, Goal),
             report: &Report,
         ) -> Result<Image> {
-            on_processor(scene, camera, settings, report)
+            on_processor(scene, camera, (settings, goal), report)
         }
     }
 }

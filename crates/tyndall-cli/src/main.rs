@@ -19,6 +19,7 @@ mod help;
 mod info;
 mod input;
 mod json;
+mod looks;
 mod medium;
 mod metadata;
 mod names;

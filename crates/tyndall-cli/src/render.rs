@@ -29,14 +29,14 @@ use tyndall_io::{Parts, Saved, Sequence};
 
 use crate::ahead::Ahead;
 use crate::args::{self, Builder, LightLook, Mode, Selection};
-use crate::device::{self, Held, Renders};
+use crate::device::{self, Goal, Held, Renders};
 use crate::names::Numbers;
 use crate::output::{Output, Pattern};
 use crate::plan::{self, Picture};
 use crate::report::{Failure, Outcome, Report, counted, seconds};
 use crate::selection::Found;
 use crate::values::{Background, Degrees};
-use crate::{ahead, culling, dry_run, input, medium, metadata, progress, structure};
+use crate::{ahead, culling, dry_run, input, looks, medium, metadata, progress, structure};
 
 /// Renders what the command line asks for.
 pub(crate) fn run(args: &args::Render, report: &Report) -> Outcome<()> {
@@ -72,6 +72,9 @@ pub(crate) fn run(args: &args::Render, report: &Report) -> Outcome<()> {
     });
     output.finish(done)
 }
+
+/// The most samples of a pixel where noise or time decides, if nothing is said.
+const MOST_SAMPLES: u32 = 4096;
 
 /// Whether particles are read as a whole or can be read in parts.
 #[derive(Clone, Copy)]
@@ -115,13 +118,20 @@ struct Job<'a> {
     background: Option<[f32; 3]>,
     pattern: Pattern,
     renders: Renders,
+    goal: Goal,
 }
 
 impl<'a> Job<'a> {
     fn new(args: &'a args::Render, report: &'a Report) -> Outcome<Self> {
         let args::Picture { samples, seed, background, .. } = &args.picture;
         let [width, height] = args.picture.pixels();
-        let samples = samples.unwrap_or(Settings::default().samples);
+        let goal = Goal { noise: args.medium.most_noise(), time: args.picture.time };
+        if args.medium.noise.is_some() && goal.noise.is_none() {
+            let text = "position noise is for --mode medium; of spheres --noise 1% is how much may be left";
+            return Err(Failure::Usage(text.into()));
+        }
+        let most = if goal.is_given() { MOST_SAMPLES } else { Settings::default().samples };
+        let samples = samples.unwrap_or(most);
         let culling = culling::culling(&args.method.culling);
         if let Culling::Confidence(options) = culling {
             options.check()?;
@@ -133,6 +143,7 @@ impl<'a> Job<'a> {
             return Err(Error::setting("--certified", "coverage", "without coverage with --replicate").into());
         }
         let beyond = images.map(|_| "--replicate").or(bonds);
+        looks::check(args)?;
         if let (Some(wanted), Culling::Confidence(_)) = (beyond, culling) {
             let allowed = format!("off or certified with {wanted}");
             return Err(Error::setting("--culling", "confidence", allowed).into());
@@ -162,9 +173,15 @@ impl<'a> Job<'a> {
             pattern: Pattern::new(&args.picture.output),
             renders: Renders::new(
                 &args.method.device,
-                device::Work { structure, culling, build: args.method.build, beyond_cards: beyond },
+                device::Work {
+                    structure,
+                    culling,
+                    build: args.method.build,
+                    beyond_cards: beyond.or(looks::traced_by(args)),
+                },
                 report,
             )?,
+            goal,
         })
     }
 
@@ -186,7 +203,8 @@ impl<'a> Job<'a> {
             }
             count => Work::of_count(count, self.structure, self.settings),
         };
-        let work = Work { traced: self.args.look.look == LightLook::Default, ..work };
+        let work =
+            Work { traced: !matches!(self.args.look.look, LightLook::Headlight | LightLook::Flat), ..work };
         self.check_memory(&work, if known > 0 { Reading::Parts } else { Reading::Whole })?;
         dry_run::tell(&work, pictures.len(), self.report)
     }
@@ -398,7 +416,7 @@ impl<'a> Job<'a> {
             let rendering = Instant::now();
             let camera = picture.camera(self.args, &self.viewpoint, (&camera, &outline))?;
             self.set_light(&mut scene, dropped, &camera)?;
-            let image = loaded.image(&scene, &camera, &self.settings, self.report)?;
+            let image = loaded.image(&scene, &camera, (&self.settings, self.goal), self.report)?;
             if image.shows_nothing() {
                 let Settings { width, height, .. } = self.settings;
                 let view = camera.view(scene.structure().origin(), width, height)?;
@@ -437,11 +455,9 @@ impl<'a> Job<'a> {
         if scene.structure().is_empty() {
             return Err(Failure::Unseen(why_unseen(scene.structure(), dropped, &view)));
         }
-        scene.lighting = match self.args.look.look {
-            LightLook::Default => Lighting::studio(view.forward, view.right, view.up),
-            LightLook::Headlight => Lighting::Headlight,
-            LightLook::Flat => Lighting::Flat,
-        };
+        let adjustments = looks::adjustments(self.args, camera);
+        let axes = [view.forward, view.right, view.up];
+        scene.lighting = looks::look(self.args.look.look).lighting(axes, &adjustments);
         Ok(())
     }
 
@@ -524,6 +540,7 @@ impl<'a> Job<'a> {
         guesses.extend(conventions.iter().cloned());
         guesses.extend([radius.to_string(), colors.description.clone(), framing.to_string()]);
         guesses.push(format!("{width}x{height}, {samples} samples"));
+        guesses.extend(looks::description(self.args));
         if self.settings.culling != Culling::default() {
             guesses.push(culling::description(&self.settings.culling));
         }

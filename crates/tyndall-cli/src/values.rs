@@ -1,6 +1,7 @@
 //! Values of the command line: how each is written, and what is allowed.
 
 use std::str::FromStr;
+use std::time::Duration;
 
 use glam::DVec3;
 use tyndall::scene::coloring::Coloring;
@@ -56,6 +57,22 @@ pub(crate) fn length(text: &str) -> Result<f32> {
     number.ok_or_else(|| Error::setting("a radius or its scale", text, "a number greater than 0"))
 }
 
+/// Reads a time: seconds, or with the unit s, m or h.
+pub(crate) fn duration(text: &str) -> Result<Duration> {
+    let digits = text.trim_end_matches(|c: char| c.is_ascii_alphabetic());
+    let unit = match &text[digits.len()..] {
+        "" | "s" => Some(1.0),
+        "m" | "min" => Some(60.0),
+        "h" => Some(3600.0),
+        _ => None,
+    };
+    let number = digits.trim().parse().ok().filter(|it: &f64| *it > 0.0 && *it < 1e9);
+    match (number, unit) {
+        (Some(number), Some(unit)) => Ok(Duration::from_secs_f64(number * unit)),
+        _ => Err(Error::setting("--time", text, "a time such as 30s, 5m or 1h")),
+    }
+}
+
 /// Reads a count, also as `1e7`.
 pub(crate) fn count(text: &str) -> Result<u64> {
     let number = text.replace('_', "").parse().ok();
@@ -93,6 +110,28 @@ impl FromStr for Degrees {
     fn from_str(text: &str) -> Result<Self> {
         let number = text.parse().ok().filter(|it: &f64| it.is_finite());
         number.map(Self).ok_or_else(|| Error::setting("an angle", text, "a number of degrees"))
+    }
+}
+
+/// What is in focus.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Focus {
+    /// So far from the eye.
+    Distance(f64),
+    /// A point.
+    Point(DVec3),
+}
+
+impl FromStr for Focus {
+    type Err = Error;
+
+    fn from_str(text: &str) -> Result<Self> {
+        if text.contains(',') {
+            return point(text).map(Self::Point);
+        }
+        let number = text.parse().ok().filter(|it: &f64| it.is_finite() && *it > 0.0);
+        let allowed = "a distance greater than 0, or a point X,Y,Z";
+        number.map(Self::Distance).ok_or_else(|| Error::setting("--focus", text, allowed))
     }
 }
 
@@ -271,6 +310,10 @@ mod tests {
         assert_eq!((images("3,3,1").unwrap(), images("2").unwrap()), ([3, 3, 1], [2; 3]));
         assert!(["0", "3,3", "1,2,3,4", "1,0,1", "-1", "1.5", ""].iter().all(|bad| images(bad).is_err()));
         assert!(["0", "-1", "nan", "inf", "x"].iter().all(|bad| length(bad).is_err()));
+        assert_eq!(duration("90s").unwrap(), duration("1.5m").unwrap());
+        assert!(["0", "-1", "nan", "s", "1d", "inf", ""].iter().all(|bad| duration(bad).is_err()));
+        assert_eq!("1,2,3".parse::<Focus>().unwrap(), Focus::Point(DVec3::new(1.0, 2.0, 3.0)));
+        assert!(["0", "-2", "1,2", "auto"].iter().all(|bad| bad.parse::<Focus>().is_err()));
         assert!(
             ["0", "1.5", "x"].iter().all(|bad| count(bad).is_err()) && count("1e7").unwrap() == 10_000_000
         );

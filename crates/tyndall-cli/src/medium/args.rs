@@ -5,7 +5,7 @@ use tyndall::medium::Kernel;
 use tyndall::medium::density::{self, Resolution, Smoothing, Weight};
 use tyndall::render::medium::free_path::FreePath;
 
-use super::values::{Gather, LightSpec, NoiseAmount, Rgb, Voxel, positive};
+use super::values::{Gather, LightSpec, Noise, NoiseAmount, Rgb, Voxel, positive};
 use crate::values::count;
 
 /// From particles to density.
@@ -57,7 +57,8 @@ pub(crate) struct Medium {
     /// A light: sun:X,Y,Z:E (travels along X,Y,Z, irradiance E), point:X,Y,Z:I (intensity I), spot:X,Y,Z:X,Y,Z:DEGREES:I (where it is, where it shines, half the cone), sky:L (radiance L), image:FILE or image:S:FILE (all around, from an equirectangular EXR or Radiance HDR picture, times S; --up is up in it); numbers or R,G,B; may be repeated [default: a sun from the upper left, and a sky]
     #[arg(long = "light", value_name = "LIGHT", allow_hyphen_values = true)]
     pub(crate) lights: Vec<LightSpec>,
-    /// How light is found: march (illumination cache and ray march) or reference (path tracer without bias)
+    /// How light is found: march (illumination cache and ray march) or reference (path tracer without bias, also called path); of spheres path
+    /// traces the default look, too
     #[arg(long, value_name = "NAME", default_value = "march")]
     pub(crate) method: MethodName,
     /// How light that was scattered before is found: sweeps (without noise), photons, single (not at all), or off (no cache: brute force with photons)
@@ -78,9 +79,10 @@ pub(crate) struct Medium {
     /// With --cache photons: means of so many passes, each with photons of its own and a radius that shrinks from pass to pass; the error by the radius vanishes, the memory stays that of one pass
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
     pub(crate) photon_passes: u32,
-    /// Position noise: AMPLITUDE@OCTAVES, such as 0.6@3
+    /// Position noise: AMPLITUDE@OCTAVES, such as 0.6@3. Of spheres 1%: adds samples until so little noise is left, root mean square, as a share
+    /// of white; then --samples is the most that a pixel gets [default of it: 4096]
     #[arg(long, value_name = "A@N", allow_hyphen_values = true)]
-    pub(crate) noise: Option<NoiseAmount>,
+    pub(crate) noise: Option<Noise>,
     /// Density noise: AMPLITUDE@OCTAVES
     #[arg(long, value_name = "A@N", allow_hyphen_values = true)]
     pub(crate) density_noise: Option<NoiseAmount>,
@@ -101,6 +103,24 @@ pub(crate) struct Medium {
     pub(crate) show: Shown,
     #[command(flatten)]
     pub(crate) density: Density,
+}
+
+impl Medium {
+    /// By how much noise moves the medium.
+    pub(crate) fn position_noise(&self) -> Option<NoiseAmount> {
+        match self.noise {
+            Some(Noise::Position(amount)) => Some(amount),
+            Some(Noise::Most(_)) | None => None,
+        }
+    }
+
+    /// How much noise may be left in the picture.
+    pub(crate) fn most_noise(&self) -> Option<f32> {
+        match self.noise {
+            Some(Noise::Most(share)) => Some(share),
+            Some(Noise::Position(_)) | None => None,
+        }
+    }
 }
 
 impl Density {
@@ -172,6 +192,7 @@ pub(crate) enum MethodName {
     /// The illumination cache, and a ray march
     March,
     /// A path tracer without bias
+    #[value(alias = "path")]
     Reference,
 }
 

@@ -152,10 +152,18 @@ struct Job<'a> {
 impl Job<'_> {
     /// Refuses before the work what cannot be.
     fn check(&self) -> Outcome<()> {
-        let noise = self.args.medium.noise.or(self.args.medium.density_noise);
+        let noise = self.args.medium.position_noise().or(self.args.medium.density_noise);
         if noise.is_some() && self.args.medium.method == MethodName::Reference {
             let text = "--method reference knows no noise — leave out --noise and --density-noise";
             return Err(Failure::Usage(text.into()));
+        }
+        let refined = [
+            ("--noise with %", self.args.medium.most_noise().is_some()),
+            ("--time", self.args.picture.time.is_some()),
+            ("--aperture", self.args.look.aperture.is_some()),
+        ];
+        if let Some((name, _)) = refined.iter().find(|(_, is_given)| *is_given) {
+            return Err(Failure::Usage(format!("{name} is for spheres — leave it out with --mode medium")));
         }
         if self.args.look.images().is_some() {
             let text = "--replicate is for spheres — leave it out, or --mode medium";
@@ -437,9 +445,9 @@ impl Job<'_> {
     /// The noise that is asked for, in a medium of that size.
     fn noise(&self, extent: f32, origin: DVec3) -> Option<NoiseSettings> {
         let args = &self.args.medium;
-        let octaves = args.noise.or(args.density_noise)?.octaves;
+        let octaves = args.position_noise().or(args.density_noise)?.octaves;
         Some(NoiseSettings {
-            position: args.noise.map_or(0.0, |it| it.amplitude),
+            position: args.position_noise().map_or(0.0, |it| it.amplitude),
             density: args.density_noise.map_or(0.0, |it| it.amplitude),
             octaves,
             scale: args.noise_scale.unwrap_or(extent / NOISE_CELLS),

@@ -8,6 +8,7 @@ mod convert;
 mod device;
 mod errors;
 mod info;
+mod looks;
 mod medium;
 mod periodic;
 mod pictures;
