@@ -1,5 +1,7 @@
 //! The finished picture, as plain columns of pixels, row by row from the top left.
 
+use crate::error::{Error, Result};
+
 /// A picture with its layers. Every column holds `width * height` values.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Image {
@@ -14,6 +16,63 @@ pub struct Image {
     pub depth: Vec<f32>,
     /// Place in the file of the particle that the same sample met; -1 where it met nothing.
     pub id: Vec<i64>,
+}
+
+/// A rectangle of a picture's pixels.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Window {
+    /// Pixels left of it.
+    pub x: u32,
+    /// Rows above it.
+    pub y: u32,
+    /// Pixels in a row of it.
+    pub width: u32,
+    /// Rows of it.
+    pub height: u32,
+}
+
+impl Window {
+    /// All of a picture of that size.
+    pub fn whole(width: u32, height: u32) -> Self {
+        Self { x: 0, y: 0, width, height }
+    }
+
+    /// Fails with [`Error::Setting`] if it is empty or reaches beyond a picture of that size.
+    pub fn check(&self, width: u32, height: u32) -> Result<()> {
+        let Self { x, y, width: across, height: down } = *self;
+        let fits = |start: u32, length: u32, all: u32| length > 0 && start < all && length <= all - start;
+        if fits(x, across, width) && fits(y, down, height) {
+            return Ok(());
+        }
+        let allowed = format!("X,Y,WIDTH,HEIGHT within the picture, which has {width}x{height} pixels");
+        Err(Error::setting("--crop", format!("{x},{y},{across},{down}"), allowed))
+    }
+
+    /// Its values of a column of a picture with rows of `width` pixels.
+    ///
+    /// Panics if the column has fewer rows than the window needs.
+    pub fn cut<T: Copy>(&self, width: u32, column: &[T]) -> Vec<T> {
+        let rows = column.chunks(width as usize).skip(self.y as usize).take(self.height as usize);
+        let (start, end) = (self.x as usize, (self.x + self.width) as usize);
+        rows.flat_map(|row| &row[start..end]).copied().collect()
+    }
+
+    /// How many of the pixels from `x` to `x + edge` and from `y` to `y + edge` lie in it.
+    pub(crate) fn pixels_of(&self, x: u32, y: u32, edge: u32) -> u64 {
+        let shared = |at: u32, start: u32, length: u32| {
+            u64::from((at + edge).min(start + length).saturating_sub(at.max(start)))
+        };
+        shared(x, self.x, self.width) * shared(y, self.y, self.height)
+    }
+}
+
+/// Where a pixel's depth lies, and how the surface there faces; both are 0 where nothing was met.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Surface {
+    /// In the coordinates of the particles' file.
+    pub position: [f32; 3],
+    /// Of unit length, away from the particle.
+    pub normal: [f32; 3],
 }
 
 impl Image {
@@ -48,8 +107,33 @@ impl Image {
         }
     }
 
+    /// The part of the picture in a window that lies within it.
+    pub fn part(&self, window: Window) -> Self {
+        let Window { width, height, .. } = window;
+        let (color, depth) = (window.cut(self.width, &self.color), window.cut(self.width, &self.depth));
+        Self { width, height, color, depth, id: window.cut(self.width, &self.id) }
+    }
+
     /// Whether no sample met a particle: no pixel has an id, and all have the same color.
     pub fn shows_nothing(&self) -> bool {
         self.id.iter().all(|&id| id < 0) && self.color.iter().all(|&color| color == self.color[0])
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_window_lies_within_its_picture() {
+        let window = |x, y, width, height| Window { x, y, width, height };
+        for good in [window(0, 0, 7, 5), window(6, 4, 1, 1), window(2, 0, 5, 1)] {
+            assert!(good.check(7, 5).is_ok(), "{good:?}");
+        }
+        for bad in [window(0, 0, 0, 5), window(7, 0, 1, 1), window(1, 0, 7, 1), window(0, 1, 1, u32::MAX)] {
+            assert!(bad.check(7, 5).is_err(), "{bad:?}");
+        }
+        assert_eq!(window(30, 33, 5, 9).pixels_of(0, 32, 32), 2 * 9);
+        assert_eq!(window(30, 33, 5, 9).pixels_of(64, 32, 32), 0);
     }
 }

@@ -15,7 +15,7 @@ const ID_BYTES: u64 = 4;
 /// Memory of a particle while a structure is built: the records that are sorted.
 const RECORD_BYTES: u64 = 20;
 /// Memory of a pixel: sums, depth, id, and the same in the finished picture, and its bytes on their way to the file.
-const PIXEL_BYTES: u64 = 72;
+pub const PIXEL_BYTES: u64 = 72;
 /// Memory of a pixel for culling by confidence: two pairs with their counts, the depth at which its rays end, and a copy to read.
 const CONFIDENCE_BYTES: u64 = 48;
 /// Memory of a voxel of its density grid.
@@ -40,19 +40,22 @@ pub struct Work {
     pub settings: Settings,
     /// Whether light is traced.
     pub traced: bool,
+    /// How many pixels are held at one time: all, unless the picture is made in parts.
+    pub held_pixels: u64,
 }
 
 impl Work {
     /// Of particles that are there; light is traced.
     pub fn of(particles: &Particles, structure: Kind, settings: Settings) -> Self {
         let columns_bytes = particles.bytes();
-        Self { particles: particles.len() as u64, columns_bytes, structure, settings, traced: true }
+        Self { columns_bytes, ..Self::of_count(particles.len() as u64, structure, settings) }
     }
 
     /// Of particles of which no more is known than their number.
     pub fn of_count(particles: u64, structure: Kind, settings: Settings) -> Self {
         let columns_bytes = particles.saturating_mul(POSITION_BYTES);
-        Self { particles, columns_bytes, structure, settings, traced: true }
+        let held_pixels = u64::from(settings.width) * u64::from(settings.height);
+        Self { particles, columns_bytes, structure, settings, traced: true, held_pixels }
     }
 
     /// The most memory that it needs at one time, in bytes.
@@ -93,7 +96,7 @@ impl Work {
 
     /// Memory of the picture, and of what culling keeps; its grid is taken to be a cube, as it is for particles that fill one.
     fn pixel_bytes(&self) -> u64 {
-        let pixels = u64::from(self.settings.width) * u64::from(self.settings.height);
+        let pixels = self.held_pixels;
         let culling = match self.settings.culling {
             Culling::Off | Culling::Certified(_) => 0,
             Culling::Confidence(options) => {
@@ -137,6 +140,8 @@ mod tests {
         let culling = Culling::Confidence(super::super::confidence::Options::default());
         let culled = Work { settings: Settings { culling, ..settings }, ..few };
         assert!(culled.memory_bytes() > few.memory_bytes() + (1 << 26));
+        let in_parts = Work { held_pixels: 1000, ..few };
+        assert!(in_parts.memory_bytes() < 1_000_000 && in_parts.seconds(2) == few.seconds(2));
         assert!(many.streamed_bytes() < 25_000_000_000, "{}", many.streamed_bytes());
     }
 }

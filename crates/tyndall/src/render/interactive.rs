@@ -113,6 +113,7 @@ impl Interactive {
     pub fn new(scene: Scene, camera: Camera, settings: Settings) -> Result<Self> {
         settings.check(&scene)?;
         let view = camera.view(scene.structure().origin(), settings.width, settings.height)?;
+        settings.check_view(&scene, &view)?;
         Ok(Self {
             scene,
             camera,
@@ -194,8 +195,9 @@ impl Interactive {
     /// Looks from elsewhere. Fails if the camera cannot be.
     pub fn look_from(&mut self, camera: Camera) -> Result<()> {
         let Settings { width, height, .. } = self.settings;
-        self.view = camera.view(self.scene.structure().origin(), width, height)?;
-        self.camera = camera;
+        let view = camera.view(self.scene.structure().origin(), width, height)?;
+        self.settings.check_view(&self.scene, &view)?;
+        (self.view, self.camera) = (view, camera);
         self.restart(|_| ());
         Ok(())
     }
@@ -203,8 +205,9 @@ impl Interactive {
     /// Changes size, samples or seed of the finished picture. Fails if one is out of range.
     pub fn set(&mut self, settings: Settings) -> Result<()> {
         settings.check(&self.scene)?;
-        self.view = self.camera.view(self.scene.structure().origin(), settings.width, settings.height)?;
-        self.settings = settings;
+        let view = self.camera.view(self.scene.structure().origin(), settings.width, settings.height)?;
+        settings.check_view(&self.scene, &view)?;
+        (self.view, self.settings) = (view, settings);
         self.restart(|_| ());
         Ok(())
     }

@@ -18,16 +18,17 @@ pub mod refine;
 mod samples;
 mod sampling;
 mod shade;
+pub mod stereo;
 
 use crate::error::{Error, Result};
-use crate::film::Image;
+use crate::film::{Image, Surface, Window};
 use crate::progress::Progress;
 use crate::scene::Scene;
 use crate::scene::camera::{Camera, View};
 use cpu::Film;
 pub use interactive::Interactive;
 pub use samples::SampleBuffer;
-use sampling::Samples;
+use sampling::{Nearness, PATTERN, Samples};
 
 /// The knobs of a picture.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -101,6 +102,20 @@ impl Settings {
             Culling::Confidence(options) => options.check(),
         }
     }
+
+    /// Fails with [`Error::Setting`] if `scene` or the culling is not for a panorama, where `view` is one.
+    fn check_view(&self, scene: &Scene, view: &View) -> Result<()> {
+        let refused = |name: &str, value: &str, allowed: &str| Err(Error::setting(name, value, allowed));
+        match &self.culling {
+            _ if !view.panorama => Ok(()),
+            Culling::Confidence(_) => refused("culling", "confidence", "off or certified in a panorama"),
+            Culling::Certified(options) if options.coverage => {
+                refused("certified", "coverage", "without coverage in a panorama")
+            }
+            _ if scene.bonds().is_some() => refused("panorama", "bonds", "spheres alone"),
+            _ => Ok(()),
+        }
+    }
 }
 
 /// Renders one picture, pass by pass.
@@ -120,10 +135,22 @@ pub struct Renderer<'a> {
 impl<'a> Renderer<'a> {
     /// A picture without samples yet. Fails with [`Error::Setting`] if a knob or the camera is out of range.
     pub fn new(scene: &'a Scene, camera: &Camera, settings: &Settings) -> Result<Self> {
+        Self::of_window(scene, camera, settings, Window::whole(settings.width, settings.height))
+    }
+
+    /// The same for a part of the picture, whose pixels are those of the whole, bit for bit; memory is that of the part.
+    /// Fails too if the window is not within the picture, or if pixels outside of it count, as with culling by confidence.
+    pub fn of_window(scene: &'a Scene, camera: &Camera, settings: &Settings, window: Window) -> Result<Self> {
         settings.check(scene)?;
         let Settings { width, height, .. } = *settings;
+        window.check(width, height)?;
+        if matches!(settings.culling, Culling::Confidence(_)) && window != Window::whole(width, height) {
+            let allowed = "off or certified for a part of a picture: neighbors decide together";
+            return Err(Error::setting("culling", "confidence", allowed));
+        }
         let view = camera.view(scene.structure().origin(), width, height)?;
-        let film = Film::new(width, height);
+        settings.check_view(scene, &view)?;
+        let film = Film::of_window(width, height, window);
         let culling = match settings.culling {
             Culling::Off | Culling::Certified(_) => None,
             Culling::Confidence(options) => Some(cpu::Confidence::new(scene, &film, options)?),
@@ -153,7 +180,7 @@ impl<'a> Renderer<'a> {
 
     /// Adds all samples that are missing, tile by tile. Fails only when interrupted, as [`Renderer::pass`] does.
     pub fn finish(&mut self, progress: &dyn Progress) -> Result<()> {
-        let pixels = u64::from(self.settings.width) * u64::from(self.settings.height);
+        let pixels = self.film.pixels();
         let samples = u64::from(self.settings.samples - self.samples_done);
         progress.begin("render", Some(pixels * samples), "samples");
         let mut passes: Vec<cpu::Pass> = Vec::new();
@@ -206,7 +233,9 @@ impl<'a> Renderer<'a> {
     /// Starts anew with another camera, in the same memory. Fails as [`Renderer::new`] does.
     pub fn restart(&mut self, camera: &Camera) -> Result<()> {
         let Settings { width, height, .. } = self.settings;
-        self.view = camera.view(self.scene.structure().origin(), width, height)?;
+        let view = camera.view(self.scene.structure().origin(), width, height)?;
+        self.settings.check_view(self.scene, &view)?;
+        self.view = view;
         self.samples_done = 0;
         self.film.clear();
         self.passes.clear();
@@ -235,6 +264,18 @@ impl<'a> Renderer<'a> {
         let mut image = Image::default();
         self.image_into(&mut image);
         image
+    }
+
+    /// What the pixels' samples nearest to their centers met, whose depths are those of the image, row by row.
+    pub fn surfaces(&self) -> Vec<Surface> {
+        let mut nearness = Nearness::NONE;
+        let mut offsets = [[0.5; 2]; PATTERN * PATTERN];
+        for samples in self.passes.iter().filter(|samples| samples.first < self.samples_done) {
+            for (place, nearest) in nearness.add(samples).into_iter().enumerate() {
+                offsets[place] = nearest.map_or(offsets[place], |sample| samples.offset(place, sample));
+            }
+        }
+        self.film.surfaces(self.scene, &self.view, &offsets)
     }
 
     /// Writes the picture of the samples so far, whatever `image` was before.

@@ -46,7 +46,7 @@ impl SampleBuffer {
     /// The picture in the light and the colors that `scene` has now: that of a new [`Renderer`], bit for bit. `scene` has the
     /// structure that the samples met. Shadows are found anew. Fails if it is another one, or when interrupted.
     pub fn image(&self, scene: &Scene, progress: &dyn Progress) -> Result<Image> {
-        let mut film = Film::new(self.settings.width, self.settings.height);
+        let mut film = self.film.like();
         let passes = self.passes(scene, &mut film)?;
         cpu::shade_each_tile(&mut film, &self.film, &passes, self.level, progress);
         if progress.cancelled() {
@@ -59,7 +59,7 @@ impl SampleBuffer {
 
     /// Moments of the normals and the mean color of every pixel, row by row. Fails as [`Self::image`] does.
     pub fn normals(&self, scene: &Scene) -> Result<Vec<NormalStatistics>> {
-        let mut film = Film::new(self.settings.width, self.settings.height);
+        let mut film = self.film.like();
         let passes = self.passes(scene, &mut film)?;
         Ok(cpu::normals::statistics(&self.film, &passes, self.level))
     }

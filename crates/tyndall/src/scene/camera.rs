@@ -18,6 +18,9 @@ pub enum Projection {
         /// Height of what the picture shows, in the unit of the particles.
         height: f64,
     },
+    /// From the eye all around (equirectangular): columns are longitudes, with the line of sight in the middle, rows are latitudes from up to
+    /// down. A pixel is as wide as it is high, so that a picture twice as wide as high shows everything.
+    Panorama,
 }
 
 /// Where the camera stands and looks, in the coordinates of the particles' file.
@@ -104,6 +107,7 @@ impl Camera {
             })?;
         let up = right.cross(forward);
         let (half_height, perspective) = match self.projection {
+            Projection::Panorama => (0.5 * std::f64::consts::PI, true),
             Projection::Perspective { vertical_angle } => {
                 if !(vertical_angle > 0.0 && vertical_angle < std::f64::consts::PI) {
                     return Err(Error::setting(
@@ -132,6 +136,7 @@ impl Camera {
             top: half_height as f32,
             pixel: pixel as f32,
             perspective,
+            panorama: self.projection == Projection::Panorama,
         })
     }
 }
@@ -167,7 +172,7 @@ pub struct View {
     pub right: Vec3,
     /// See `forward`.
     pub up: Vec3,
-    /// The picture's left edge and upper edge in the picture plane: lengths (orthographic) or slopes (perspective).
+    /// The picture's left edge and upper edge in the picture plane: lengths (orthographic), slopes (perspective) or radians (panorama).
     pub left: f32,
     /// See `left`.
     pub top: f32,
@@ -175,6 +180,8 @@ pub struct View {
     pub pixel: f32,
     /// Whether rays start at the eye and `left`, `top` and `pixel` are slopes.
     pub perspective: bool,
+    /// Whether, in perspective, they are longitudes and latitudes instead.
+    pub panorama: bool,
 }
 
 impl View {
@@ -184,11 +191,37 @@ impl View {
         if self.perspective { (at - self.eye).normalize_or(self.forward) } else { self.forward }
     }
 
+    /// The direction at a longitude, from the line of sight to the right, and a latitude, in radians.
+    pub(crate) fn direction_at(&self, longitude: f32, latitude: f32) -> Vec3 {
+        let ((right, ahead), (up, level)) = (longitude.sin_cos(), latitude.sin_cos());
+        (self.forward * (level * ahead) + self.right * (level * right) + self.up * up).normalize()
+    }
+
+    /// Where in the picture a place is seen, in pixels from its upper left corner; none behind the eye.
+    pub fn pixel_of(&self, at: Vec3) -> Option<[f32; 2]> {
+        let offset = at - self.eye;
+        let [ahead, right, up] = [self.forward, self.right, self.up].map(|axis| offset.dot(axis));
+        let [u, v] = if self.panorama {
+            [right.atan2(ahead), up.atan2(ahead.hypot(right))]
+        } else {
+            let scale = if self.perspective { ahead } else { 1.0 };
+            if scale <= 0.0 {
+                return None;
+            }
+            [right / scale, up / scale]
+        };
+        Some([(u - self.left) / self.pixel, (self.top - v) / self.pixel])
+    }
+
     /// The ray through the point (x, y) of the picture, in pixels from its upper left corner.
     #[inline(always)]
     pub fn ray(&self, x: f32, y: f32) -> Ray {
         let u = self.left + x * self.pixel;
         let v = self.top - y * self.pixel;
+        if self.panorama {
+            let direction = self.direction_at(u, v);
+            return Ray { origin: self.eye, direction, t_min: 0.0, t_max: f32::INFINITY };
+        }
         let across = self.right * u + self.up * v;
         let (origin, direction) = if self.perspective {
             let toward = self.forward + across;
@@ -221,6 +254,33 @@ mod tests {
             assert!(ray.direction.abs_diff_eq(toward, 1e-6));
             assert!(ray.origin.abs_diff_eq((camera.eye - DVec3::ONE).as_vec3(), 1e-6));
         }
+    }
+
+    #[test]
+    fn a_panorama_shows_all_around() {
+        let camera = Camera {
+            eye: DVec3::ONE,
+            look_at: DVec3::new(1.0, 5.0, 1.0),
+            up: DVec3::Z,
+            projection: Projection::Panorama,
+        };
+        let view = camera.view(DVec3::ZERO, 80, 40).unwrap();
+        for (x, y, toward) in [
+            (40.0, 20.0, Vec3::Y),
+            (60.0, 20.0, Vec3::X),
+            (20.0, 20.0, Vec3::NEG_X),
+            (0.0, 20.0, Vec3::NEG_Y),
+            (80.0, 20.0, Vec3::NEG_Y),
+            (17.0, 0.0, Vec3::Z),
+            (17.0, 40.0, Vec3::NEG_Z),
+            (50.0, 10.0, Vec3::new(0.5, 0.5, 0.5_f32.sqrt())),
+        ] {
+            let ray = view.ray(x, y);
+            assert!(ray.direction.abs_diff_eq(toward, 1e-5), "{x} {y}: {}", ray.direction);
+            assert_eq!(ray.origin, Vec3::ONE);
+        }
+        let [x, y] = view.pixel_of(view.eye + 3.0 * view.ray(13.25, 31.5).direction).unwrap();
+        assert!((x - 13.25).abs() < 1e-3 && (y - 31.5).abs() < 1e-3);
     }
 
     #[test]

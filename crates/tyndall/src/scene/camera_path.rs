@@ -178,6 +178,7 @@ impl CameraPath {
         let projection = match cameras[before].projection {
             Projection::Perspective { .. } => Projection::Perspective { vertical_angle: 2.0 * size.atan() },
             Projection::Orthographic { .. } => Projection::Orthographic { height: size },
+            Projection::Panorama => Projection::Panorama,
         };
         Camera {
             eye: point(|camera| camera.eye),
@@ -193,6 +194,7 @@ fn size(projection: Projection) -> f64 {
     match projection {
         Projection::Perspective { vertical_angle } => (0.5 * vertical_angle).tan(),
         Projection::Orthographic { height } => height,
+        Projection::Panorama => 1.0,
     }
 }
 

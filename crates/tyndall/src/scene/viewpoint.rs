@@ -69,6 +69,8 @@ pub enum Lens {
         /// Height of what the picture shows; `None`: that of the box to show.
         height: Option<f64>,
     },
+    /// All around the eye; without one, around what is looked at.
+    Panorama,
 }
 
 /// What is said about the camera.
@@ -105,7 +107,7 @@ impl Viewpoint {
         let up = self.up.unwrap_or_else(|| usable_up(direction.normalize_or(DVec3::Y), self.side.up));
         let angle = match self.lens {
             Lens::Perspective { vertical_angle } => Some(vertical_angle),
-            Lens::Orthographic { .. } => None,
+            Lens::Orthographic { .. } | Lens::Panorama => None,
         };
         let mut camera = Camera::framing(*center, points, direction, up, aspect, angle);
         match self.eye {
@@ -114,6 +116,12 @@ impl Viewpoint {
                 (camera.eye, camera.look_at) = (camera.eye + (target - camera.look_at), target);
             }
             None => {}
+        }
+        if self.lens == Lens::Panorama {
+            camera.projection = Projection::Panorama;
+            if self.eye.is_none() {
+                (camera.eye, camera.look_at) = (target, target + self.side.direction);
+            }
         }
         // Kept even where it cannot be: the renderer refuses it by name.
         camera.up = up;
@@ -212,6 +220,10 @@ pub fn too_small(spheres: Spheres, view: &View) -> Option<String> {
 /// The radius in pixels of the sphere at `center`, if it may be seen in some pixel.
 fn size_in_view((center, radius): (Vec3, f32), view: &View) -> Option<f64> {
     let offset = center - view.eye;
+    if view.panorama {
+        let distance = offset.length();
+        return (distance > radius).then(|| f64::from(radius) / f64::from(view.pixel * distance));
+    }
     let depth = offset.dot(view.forward);
     let scale = if view.perspective { depth } else { 1.0 };
     let within = |along: f32, half: f32| along.abs() - radius <= half.abs() * scale;
@@ -289,6 +301,21 @@ mod tests {
                 }
             }
         }
+    }
+
+    #[test]
+    fn a_panorama_is_seen_from_the_middle() {
+        let viewpoint = Viewpoint { lens: Lens::Panorama, ..viewpoint() };
+        let camera = viewpoint.camera(&Outline::of_box(&BOX, DVec3::ONE), 2.0);
+        assert_eq!((camera.eye, camera.projection), (DVec3::ONE, Projection::Panorama));
+        let view = camera.view(DVec3::ONE, 40, 20).unwrap();
+        // Whatever lies anywhere is seen.
+        assert!(
+            [Vec3::X, Vec3::NEG_Y, Vec3::NEG_Z].iter().all(|at| size_in_view((*at, 0.1), &view).is_some())
+        );
+        let outside = Viewpoint { eye: Some(DVec3::X * 9.0), ..viewpoint }
+            .camera(&Outline::of_box(&BOX, DVec3::ZERO), 2.0);
+        assert_eq!((outside.eye, outside.look_at), (DVec3::X * 9.0, DVec3::ZERO));
     }
 
     #[test]

@@ -13,3 +13,4 @@ mod selection;
 #[cfg(feature = "gpu")]
 mod twins;
 mod visibility;
+mod windows;

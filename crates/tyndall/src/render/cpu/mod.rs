@@ -15,6 +15,7 @@ pub(super) mod normals;
 mod pass;
 mod paths;
 mod replicas;
+mod seen;
 mod settling;
 mod shadows;
 mod surfaces;
@@ -27,7 +28,7 @@ use rayon::prelude::*;
 use super::certified::{Counts, Options};
 use super::confidence::{Histogram, Pixel};
 use super::shade::{key_radiance, mean_of, sky_radiance};
-use crate::film::Image;
+use crate::film::{Image, Window};
 use crate::progress::Progress;
 use crate::render::sampling::{Nearness, Samples};
 use crate::scene::Scene;
@@ -69,8 +70,11 @@ struct FilmTile {
 
 /// Samples gathered so far.
 pub(crate) struct Film {
+    /// Of the whole picture.
     width: u32,
     height: u32,
+    /// The part of it that is wanted. Tiles lie as in the whole, so that what is in them is the same.
+    window: Window,
     tiles: Vec<FilmTile>,
     /// How near samples have come to the centers of their pixels.
     nearness: Nearness,
@@ -119,11 +123,17 @@ impl Film {
         self.tiles.iter().all(|tile| tile.settled || tile.samples >= samples)
     }
 
-    /// Without samples. Tiles lie along a Morton curve, so that neighbors in time are neighbors in the picture.
+    /// Without samples.
     pub(crate) fn new(width: u32, height: u32) -> Self {
-        let across = width.div_ceil(FILM_EDGE as u32);
-        let down = height.div_ceil(FILM_EDGE as u32);
-        let mut corners: Vec<(u32, u32)> = (0..down).flat_map(|y| (0..across).map(move |x| (x, y))).collect();
+        Self::of_window(width, height, Window::whole(width, height))
+    }
+
+    /// Without samples, of a part of a picture. Tiles lie along a Morton curve, so that neighbors in time are neighbors in the picture.
+    pub(crate) fn of_window(width: u32, height: u32, window: Window) -> Self {
+        let tiles =
+            |start: u32, length: u32| start / FILM_EDGE as u32..(start + length).div_ceil(FILM_EDGE as u32);
+        let (across, down) = (tiles(window.x, window.width), tiles(window.y, window.height));
+        let mut corners: Vec<(u32, u32)> = down.flat_map(|y| across.clone().map(move |x| (x, y))).collect();
         corners.sort_by_key(|&(x, y)| {
             (0..16).fold(0_u64, |key, bit| {
                 key | u64::from(x >> bit & 1) << (2 * bit) | u64::from(y >> bit & 1) << (2 * bit + 1)
@@ -135,55 +145,101 @@ impl Film {
             (tile.x, tile.y) = (x * FILM_EDGE as u32, y * FILM_EDGE as u32);
         }
         let kept = vec![Vec::new(); tiles.len()];
-        let (begun, earlier) = (Vec::new(), Vec::new());
-        Self { width, height, tiles, nearness: Nearness::NONE, begun, kept, keeps: false, earlier }
+        let (nearness, begun, earlier) = (Nearness::NONE, Vec::new(), Vec::new());
+        Self { width, height, window, tiles, nearness, begun, kept, keeps: false, earlier }
+    }
+
+    /// Without samples, of the same part of a picture.
+    pub(super) fn like(&self) -> Self {
+        Self::of_window(self.width, self.height, self.window)
     }
 
     /// Writes the mean of the samples of each pixel, over the scene's background; nothing but background where there are none.
     pub(crate) fn image_into(&self, scene: &Scene, image: &mut Image) {
         if self.has(1) {
-            image.resize(self.width, self.height);
+            image.resize(self.window.width, self.window.height);
         } else {
-            *image = Image::empty(self.width, self.height, scene.background);
+            *image = Image::empty(self.window.width, self.window.height, scene.background);
         }
         self.draw_over(scene, image);
     }
 
     /// Writes the same into `image`, which has its size, but leaves pixels without samples as they are.
     pub(crate) fn draw_over(&self, scene: &Scene, image: &mut Image) {
-        let width = self.width as usize;
-        let mut rows: Vec<Vec<&FilmTile>> = vec![Vec::new(); self.height.div_ceil(FILM_EDGE as u32) as usize];
-        for tile in self.tiles.iter().filter(|tile| tile.samples > 0) {
-            rows[tile.y as usize / FILM_EDGE].push(tile);
-        }
-        let stretch = FILM_EDGE * width;
-        let columns = (
-            image.color.par_chunks_mut(stretch),
-            image.depth.par_chunks_mut(stretch),
-            image.id.par_chunks_mut(stretch),
+        let width = self.window.width as usize;
+        let rows = (
+            image.color.par_chunks_mut(width),
+            image.depth.par_chunks_mut(width),
+            image.id.par_chunks_mut(width),
         );
-        columns.into_par_iter().zip(rows).for_each(|((color, depth, id), tiles)| {
-            for tile in tiles {
+        let tiles = self.tile_rows();
+        rows.into_par_iter().enumerate().for_each(|(row, (color, depth, id))| {
+            for stretch in self.stretches(&tiles, row) {
+                let tile = stretch.tile;
                 let mean = mean_of(tile.samples, scene.background);
-                let columns = FILM_EDGE.min(width - tile.x as usize);
                 // Neighboring pixels often show the same particle.
                 let mut last = (u32::MAX, 0);
-                for (row, pixels) in (0..color.len() / width).zip((0..).step_by(FILM_EDGE)) {
-                    for (at, pixel) in (row * width + tile.x as usize..).zip(pixels..pixels + columns) {
-                        color[at] = mean(tile.sum[pixel]);
-                        depth[at] = tile.depth[pixel];
-                        id[at] = if depth[at] < f32::INFINITY {
-                            if tile.node[pixel] != last.0 {
-                                last = (tile.node[pixel], scene.place(tile.node[pixel]) as i64);
-                            }
-                            last.1
-                        } else {
-                            -1
-                        };
-                    }
+                for (at, pixel) in stretch.pixels() {
+                    color[at] = mean(tile.sum[pixel]);
+                    depth[at] = tile.depth[pixel];
+                    id[at] = if depth[at] < f32::INFINITY {
+                        if tile.node[pixel] != last.0 {
+                            last = (tile.node[pixel], scene.place(tile.node[pixel]) as i64);
+                        }
+                        last.1
+                    } else {
+                        -1
+                    };
                 }
             }
         });
+    }
+
+    /// How many pixels are wanted.
+    pub(crate) fn pixels(&self) -> u64 {
+        u64::from(self.window.width) * u64::from(self.window.height)
+    }
+
+    /// The tiles that have samples, by rows of tiles.
+    fn tile_rows(&self) -> Vec<Vec<&FilmTile>> {
+        let edge = FILM_EDGE as u32;
+        let (first, end) = (self.window.y / edge, (self.window.y + self.window.height).div_ceil(edge));
+        let mut rows: Vec<Vec<&FilmTile>> = vec![Vec::new(); (end - first) as usize];
+        for tile in self.tiles.iter().filter(|tile| tile.samples > 0) {
+            rows[(tile.y / edge - first) as usize].push(tile);
+        }
+        rows
+    }
+
+    /// What the tiles have of a row of the window.
+    fn stretches<'a>(
+        &self,
+        rows: &'a [Vec<&'a FilmTile>],
+        row: usize,
+    ) -> impl Iterator<Item = Stretch<'a>> + use<'a> {
+        let (window, edge) = (self.window, FILM_EDGE as u32);
+        let y = window.y + row as u32;
+        rows[(y / edge - window.y / edge) as usize].iter().map(move |tile| {
+            let (start, end) = (tile.x.max(window.x), (tile.x + edge).min(window.x + window.width));
+            let first = (y % edge) as usize * FILM_EDGE + (start - tile.x) as usize;
+            Stretch { tile, at: (start - window.x) as usize, first, length: (end - start) as usize }
+        })
+    }
+}
+
+/// Pixels side by side in a tile.
+struct Stretch<'a> {
+    tile: &'a FilmTile,
+    /// The place of the first one in its row of the window, and in the tile.
+    at: usize,
+    first: usize,
+    length: usize,
+}
+
+impl Stretch<'_> {
+    /// The places of the pixels in the row and in the tile.
+    fn pixels(&self) -> impl Iterator<Item = (usize, usize)> + use<> {
+        (self.at..self.at + self.length).zip(self.first..)
     }
 }
 
@@ -228,7 +284,7 @@ pub(crate) fn for_each_tile(
         Store::Bvh(bvh) if pass.certified.coverage => Some(Visible::new(bvh)),
         _ => None,
     });
-    let (width, height, keeps) = (film.width, film.height, film.keeps);
+    let (window, keeps) = (film.window, film.keeps);
     let culled: Vec<Culled> = match &mut culling {
         Some(culling) => {
             let (frame, tiles) = culling.split();
@@ -260,7 +316,9 @@ pub(crate) fn for_each_tile(
                     kept.push(scratch.hits.of(pass.samples));
                 }
                 pass.count(std::mem::take(&mut scratch.counts));
-                progress.advance(film_tile.pixels_within(width, height) * pass.samples as u64);
+                progress.advance(
+                    window.pixels_of(film_tile.x, film_tile.y, FILM_EDGE as u32) * pass.samples as u64,
+                );
             }
             if let Some(visible) = &visible {
                 scratch.memories.iter().for_each(|memory| visible.add(memory));
@@ -285,7 +343,7 @@ pub(crate) fn shade_each_tile(
     level: Level,
     progress: &dyn Progress,
 ) {
-    let (width, height) = (film.width, film.height);
+    let window = film.window;
     let tiles = film.tiles.par_iter_mut().zip(&kept.kept);
     tiles.for_each_init(
         || Scratch::new(passes),
@@ -297,18 +355,12 @@ pub(crate) fn shade_each_tile(
                 let mut found = Found::Before(&kept[at]);
                 dispatch!(level, simd => render_film_tile(simd, pass, &mut found, film_tile, scratch));
                 film_tile.samples += pass.samples as u32;
-                progress.advance(film_tile.pixels_within(width, height) * pass.samples as u64);
+                progress.advance(
+                    window.pixels_of(film_tile.x, film_tile.y, FILM_EDGE as u32) * pass.samples as u64,
+                );
             }
         },
     );
-}
-
-impl FilmTile {
-    /// How many of its pixels lie in a picture of this size.
-    fn pixels_within(&self, width: u32, height: u32) -> u64 {
-        let [columns, rows] = [width - self.x, height - self.y].map(|pixels| pixels.min(FILM_EDGE as u32));
-        u64::from(columns) * u64::from(rows)
-    }
 }
 
 impl Scratch {
@@ -410,6 +462,11 @@ fn find_hits<S: Simd>(
     tile.clear();
     if let Some((frame, pixels)) = culled {
         return confidence::trace(frame, pass, (corner, inside), pixels, (tile, &mut scratch.histogram));
+    }
+    if pass.view.panorama {
+        // No plane holds the picture: each ray is asked by itself.
+        (0..BLOCKS).for_each(|block| clip::find_block(pass, block, tile, &mut scratch.counts));
+        return tile.update_depths(simd);
     }
     let scene = pass.scene;
     let place = (corner[0] + inside[0], corner[1] + inside[1]);

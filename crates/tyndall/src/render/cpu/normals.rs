@@ -12,7 +12,7 @@ use crate::render::normals::NormalStatistics;
 
 /// Of every pixel, row by row, by what `kept` kept in the same passes.
 pub(crate) fn statistics(kept: &Film, passes: &[Pass], level: Level) -> Vec<NormalStatistics> {
-    let (width, height) = (kept.width as usize, kept.height as usize);
+    let (window, edge) = (kept.window, FILM_EDGE as u32);
     let tiles: Vec<Vec<NormalStatistics>> = kept
         .tiles
         .par_iter()
@@ -27,13 +27,14 @@ pub(crate) fn statistics(kept: &Film, passes: &[Pass], level: Level) -> Vec<Norm
             sums
         })
         .collect();
-    let mut all = vec![NormalStatistics::default(); width * height];
+    let mut all = vec![NormalStatistics::default(); kept.pixels() as usize];
     for (tile, sums) in kept.tiles.iter().zip(tiles) {
-        let (x, y) = (tile.x as usize, tile.y as usize);
-        for row in 0..FILM_EDGE.min(height - y) {
-            let columns = FILM_EDGE.min(width - x);
-            let to = (y + row) * width + x;
-            all[to..to + columns].copy_from_slice(&sums[row * FILM_EDGE..][..columns]);
+        let (start, end) = (tile.x.max(window.x), (tile.x + edge).min(window.x + window.width));
+        for y in tile.y.max(window.y)..(tile.y + edge).min(window.y + window.height) {
+            let to = ((y - window.y) * window.width + start - window.x) as usize;
+            let from = ((y - tile.y) * edge + start - tile.x) as usize;
+            let columns = (end - start) as usize;
+            all[to..to + columns].copy_from_slice(&sums[from..from + columns]);
         }
     }
     all

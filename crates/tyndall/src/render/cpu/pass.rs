@@ -189,6 +189,17 @@ const CELLS: [[f32; RAYS]; 2] = {
 fn varying<S: Simd>(simd: S, view: &View, x: f32x16<S>, y: f32x16<S>) -> Lanes3<f32x16<S>> {
     let u = x * view.pixel + view.left;
     let v = f32x16::splat(simd, view.top) - y * view.pixel;
+    if view.panorama {
+        let (longitudes, latitudes) = (u.to_array(), v.to_array());
+        let mut directions = [[0.0; RAYS]; 3];
+        for lane in 0..RAYS {
+            let direction = view.direction_at(longitudes[lane], latitudes[lane]).to_array();
+            for axis in 0..3 {
+                directions[axis][lane] = direction[axis];
+            }
+        }
+        return Lanes3::load(simd, &directions);
+    }
     let across = Lanes3 {
         x: u * view.right.x + v * view.up.x,
         y: u * view.right.y + v * view.up.y,

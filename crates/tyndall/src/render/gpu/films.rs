@@ -34,6 +34,7 @@ impl Backend for Films {
     }
 
     fn pass(&mut self, scene: &Scene, shot: &Shot, progress: &dyn Progress) -> Result<()> {
+        super::check_flat(&shot.view)?;
         let Self { resident, pictures } = self;
         if pictures.len() <= shot.picture {
             pictures.resize_with(shot.picture + 1, || None);

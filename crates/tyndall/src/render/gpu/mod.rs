@@ -367,6 +367,12 @@ pub struct Renderer<'a> {
     picture: Picture,
 }
 
+/// Fails with [`Error::Device`] if the picture lies in no plane.
+fn check_flat(view: &View) -> Result<()> {
+    let text = "cards draw no panoramas — --device cpu does";
+    if view.panorama { Err(Error::Device(text.into())) } else { Ok(()) }
+}
+
 impl<'a> Renderer<'a> {
     /// A picture without samples yet. `scene` is what `resident` was loaded from, with whatever light and background it has now.
     /// Fails with [`Error::Setting`] if a knob or the camera is out of range, with [`Error::Memory`] if the picture does not fit.
@@ -379,6 +385,7 @@ impl<'a> Renderer<'a> {
         settings.check(scene)?;
         let Settings { width, height, .. } = *settings;
         let view = camera.view(scene.structure().origin(), width, height)?;
+        check_flat(&view)?;
         let mut picture = Picture::new(resident, [width, height], Pace::Steady)?;
         if let Culling::Confidence(options) = settings.culling {
             if !resident.shape().walked.has_tiles() {
@@ -405,7 +412,9 @@ impl<'a> Renderer<'a> {
     /// Starts anew with another camera, in the same memory. Fails as [`Renderer::new`] does.
     pub fn restart(&mut self, camera: &Camera) -> Result<()> {
         let Settings { width, height, .. } = self.settings;
-        self.seen.view = camera.view(self.seen.scene.structure().origin(), width, height)?;
+        let view = camera.view(self.seen.scene.structure().origin(), width, height)?;
+        check_flat(&view)?;
+        self.seen.view = view;
         self.picture.restart();
         Ok(())
     }

@@ -21,12 +21,7 @@ pub fn photons(photons: &[Photon], view: &View, width: u32, height: u32) -> Vec<
     for photon in photons {
         let offset = photon.position - view.eye;
         let depth = offset.dot(view.forward);
-        let away = if view.perspective { depth } else { 1.0 };
-        if away <= 0.0 {
-            continue;
-        }
-        let x = (offset.dot(view.right) / away - view.left) / view.pixel;
-        let y = (view.top - offset.dot(view.up) / away) / view.pixel;
+        let Some([x, y]) = view.pixel_of(photon.position) else { continue };
         if (0.0..width as f32).contains(&x) && (0.0..height as f32).contains(&y) {
             let place = y as usize * width as usize + x as usize;
             sums[place] += scale * photon.power;

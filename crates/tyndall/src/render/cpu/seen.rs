@@ -1,0 +1,54 @@
+//! What the pixels of a film show: where their depths lie, and how the surfaces there face.
+
+use glam::Vec3;
+use rayon::prelude::*;
+
+use super::{FILM_EDGE, Film};
+use crate::film::Surface;
+use crate::render::sampling::PATTERN;
+use crate::scene::Scene;
+use crate::scene::camera::View;
+
+impl Film {
+    /// By pixel of the window, row by row; `offsets` say where in its pixel the sample lies that gave the depth, by place in the pattern.
+    pub(in crate::render) fn surfaces(
+        &self,
+        scene: &Scene,
+        view: &View,
+        offsets: &[[f32; 2]; PATTERN * PATTERN],
+    ) -> Vec<Surface> {
+        let width = self.window.width as usize;
+        let mut surfaces = vec![Surface::default(); width * self.window.height as usize];
+        let tiles = self.tile_rows();
+        surfaces.par_chunks_mut(width).enumerate().for_each(|(row, surfaces)| {
+            for stretch in self.stretches(&tiles, row) {
+                let tile = stretch.tile;
+                let corner = [tile.x, tile.y].map(|pixels| pixels as f32);
+                for (at, pixel) in stretch.pixels().filter(|(_, pixel)| tile.depth[*pixel] < f32::INFINITY) {
+                    let (column, row) = (pixel % FILM_EDGE, pixel / FILM_EDGE);
+                    let [x, y] = offsets[row % PATTERN * PATTERN + column % PATTERN];
+                    let ray = view.ray(corner[0] + (column as f32 + x), corner[1] + (row as f32 + y));
+                    let point = ray.origin + tile.depth[pixel] * ray.direction;
+                    surfaces[at] = surface(scene, tile.node[pixel], point, ray.direction);
+                }
+            }
+        });
+        surfaces
+    }
+}
+
+/// The surface of what is at `node`, near `point`, which lies on it up to rounding.
+fn surface(scene: &Scene, node: u32, point: Vec3, direction: Vec3) -> Surface {
+    let structure = scene.structure();
+    let (center, radius) = match scene.locate_bond(node) {
+        Some((bonds, half, shift)) => {
+            let cylinder = bonds.cylinder(half / 2);
+            (cylinder.center_of(point - shift) + shift, cylinder.radius)
+        }
+        None => structure.sphere(node),
+    };
+    // A sphere so small that rounding leaves no direction faces the eye.
+    let normal = (point - center).normalize_or(-direction);
+    let position = structure.origin() + (center + radius * normal).as_dvec3();
+    Surface { position: position.as_vec3().to_array(), normal: normal.to_array() }
+}
