@@ -11,6 +11,7 @@ pub mod sequence;
 mod topology;
 pub mod vdb;
 pub mod write;
+mod xmp;
 
 pub use parts::Parts;
 pub use saved::Saved;

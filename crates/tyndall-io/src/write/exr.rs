@@ -1,5 +1,5 @@
-//! OpenEXR: one part with the float channels `R`, `G`, `B`, `A` (linear Rec. 709, premultiplied), `depth` and `id`, losslessly
-//! compressed.
+//! OpenEXR: one part with the float channels `R`, `G`, `B`, `A` (linear Rec. 709, premultiplied), `depth` and `id`, and what else there is,
+//! losslessly compressed. A part of a larger picture is the data window in that picture's display window.
 //!
 //! `depth` is infinite where nothing was met. `id` is a float while all ids are exact as one, else an unsigned integer in which -1
 //! is 4294967295; ids beyond 32 bits have their upper half in `idHigh`. The attribute `tyndall:id` says which.
@@ -25,9 +25,12 @@ pub(super) fn write(path: &Path, image: &Image, options: &ImageOptions) -> Resul
     let color = |c: usize| FlatSamples::F32(image.color.iter().map(|pixel| pixel[c]).collect());
     let colors = ["R", "G", "B", "A"].into_iter().enumerate().map(|(c, name)| channel(name, color(c)));
     let mut channels: SmallVec<[AnyChannel<FlatSamples>; 4]> = colors.collect();
-    channels.push(channel("depth", FlatSamples::F32(image.depth.clone())));
-    let (ids, meaning) = id_channels(&image.id);
-    channels.extend(ids);
+    if options.has_depth {
+        channels.push(channel("depth", FlatSamples::F32(image.depth.clone())));
+    }
+    let ids = options.has_ids.then(|| id_channels(&image.id));
+    let (ids, meaning) = ids.unzip();
+    channels.extend(ids.into_iter().flatten());
     let further = options.channels.iter();
     channels.extend(further.map(|(name, values)| channel(name, FlatSamples::F32(values.clone()))));
 
@@ -40,8 +43,14 @@ pub(super) fn write(path: &Path, image: &Image, options: &ImageOptions) -> Resul
             if standard_names::ALL.contains(&key.as_bytes()) { format!("tyndall:{key}") } else { key.into() };
         layer.other.insert(utf8(&key), AttributeValue::Text(utf8(text)));
     }
-    layer.other.insert(utf8("tyndall:id"), AttributeValue::Text(utf8(meaning)));
-    let whole = IntegerBounds::from_dimensions(size);
+    layer.other.extend(meaning.map(|meaning| (utf8("tyndall:id"), AttributeValue::Text(utf8(meaning)))));
+    let whole = match options.part_of {
+        Some((window, [width, height])) => {
+            layer.layer_position = Vec2(window.x as i32, window.y as i32);
+            IntegerBounds::from_dimensions(Vec2(width as usize, height as usize))
+        }
+        None => IntegerBounds::from_dimensions(size),
+    };
     let picture = ExrImage::new(
         ImageAttributes::new(whole),
         Layer::new(size, layer, Encoding::SMALL_LOSSLESS, AnyChannels::sort(channels)),
@@ -126,6 +135,28 @@ mod tests {
         assert_eq!(text(&layer, "tyndall:type"), "gas");
         assert_eq!(text(&layer, "tyndall:id"), "float, -1 is nothing");
         assert_eq!(layer.attributes.horizontal_density, Some(300.0));
+    }
+
+    #[test]
+    fn layers_are_those_that_are_wanted_where_they_belong() {
+        let folder = Folder::new("exr-layers");
+        let path = folder.0.join("a.exr");
+        let window = tyndall::film::Window { x: 7, y: 5, width: 4, height: 3 };
+        let options = ImageOptions {
+            channels: vec![("normal.X".into(), (0..12).map(|it| it as f32).collect())],
+            has_depth: false,
+            has_ids: false,
+            part_of: Some((window, [20, 10])),
+            ..Default::default()
+        };
+        super::super::image(&path, &ramp(4, 3, true), &options).unwrap();
+        let mut found: FlatImage = read_all_flat_layers_from_file(&path).unwrap();
+        assert_eq!(found.attributes.display_window, IntegerBounds::from_dimensions(Vec2(20, 10)));
+        let layer = found.layer_data.remove(0);
+        assert_eq!((layer.attributes.layer_position, layer.size), (Vec2(7, 5), Vec2(4, 3)));
+        let names: Vec<String> = layer.channel_data.list.iter().map(|it| it.name.to_string()).collect();
+        assert_eq!(names, ["A", "B", "G", "R", "normal.X"]);
+        assert!(*channel(&layer, "normal.X") == FlatSamples::F32(options.channels[0].1.clone()));
     }
 
     #[test]

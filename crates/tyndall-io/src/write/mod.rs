@@ -1,6 +1,7 @@
 //! Pictures to files: the extension says which kind, and a file appears whole or not at all.
 
 mod exr;
+mod jpeg;
 pub mod movie;
 pub mod particles;
 mod png;
@@ -10,6 +11,7 @@ use std::fs::{self, File};
 use std::io::{self, BufWriter, ErrorKind, Write};
 use std::path::{Path, PathBuf};
 
+use tyndall::film::Window;
 use tyndall::{Error, Image, Result};
 
 /// How a picture is written, and what is written with it.
@@ -17,17 +19,34 @@ use tyndall::{Error, Image, Result};
 pub struct ImageOptions {
     /// Bits of a PNG's channel: 8 or 16. An EXR always has 32-bit floats.
     pub bits: u8,
+    /// Quality of a JPEG, from 1 (small) to 100 (good).
+    pub quality: u8,
     /// Pixels an inch on paper, above 0.
     pub dpi: Option<f64>,
     /// Keys and texts that say how the picture came about. A key has 1 to 79 letters and signs of Latin-1; a text is any.
     pub metadata: Vec<(String, String)>,
     /// Names and values of further channels, pixel by pixel; only an EXR has them.
     pub channels: Vec<(String, Vec<f32>)>,
+    /// Whether an EXR has `depth`.
+    pub has_depth: bool,
+    /// Whether an EXR has `id`.
+    pub has_ids: bool,
+    /// Of which part of a larger picture, and how large that is, the pixels are; only an EXR knows of that.
+    pub part_of: Option<(Window, [u32; 2])>,
 }
 
 impl Default for ImageOptions {
     fn default() -> Self {
-        Self { bits: 8, dpi: None, metadata: Vec::new(), channels: Vec::new() }
+        Self {
+            bits: 8,
+            quality: 92,
+            dpi: None,
+            metadata: Vec::new(),
+            channels: Vec::new(),
+            has_depth: true,
+            has_ids: true,
+            part_of: None,
+        }
     }
 }
 
@@ -36,10 +55,11 @@ impl Default for ImageOptions {
 enum Kind {
     Png,
     Exr,
+    Jpeg,
 }
 
-/// Writes a picture: `.png` (sRGB, straight alpha unless all is opaque) or `.exr` (linear 32-bit floats, premultiplied, with `depth`
-/// and `id`). Replaces the file that is there.
+/// Writes a picture: `.png` (sRGB, straight alpha unless all is opaque), `.jpg` (sRGB, opaque) or `.exr` (linear 32-bit floats,
+/// premultiplied, with `depth`, `id` and further channels). Replaces the file that is there.
 ///
 /// Fails with [`Error::Setting`] on another extension or a setting out of its range, with [`Error::Io`] if the system refuses.
 /// Panics if the image's columns do not have `width * height` values.
@@ -50,8 +70,47 @@ pub fn image(path: &Path, image: &Image, options: &ImageOptions) -> Result<()> {
         "columns of {pixels} pixels"
     );
     assert!(options.channels.iter().all(|(_, values)| values.len() == pixels), "channels of {pixels} pixels");
-    if pixels == 0 {
-        let size = format!("{}x{}", image.width, image.height);
+    check_options([image.width, image.height], options)?;
+    match kind(path)? {
+        Kind::Png => png::write(path, image, options),
+        Kind::Exr => exr::write(path, image, options),
+        Kind::Jpeg => jpeg::write(path, image, options),
+    }
+}
+
+/// Writes a PNG of that size from bands of rows, from the top down, so that the picture need not be in memory: `band` gives the one that begins
+/// with a row, as wide as the picture and with at least one row. With `has_alpha` it is taken to be transparent.
+///
+/// Fails as [`image()`] does, and if `band` does; then nothing is written.
+pub fn in_bands(
+    path: &Path,
+    size: [u32; 2],
+    has_alpha: bool,
+    options: &ImageOptions,
+    band: impl FnMut(u32) -> Result<Image>,
+) -> Result<()> {
+    check_options(size, options)?;
+    match kind(path)? {
+        Kind::Png => png::write_in_bands(path, size, has_alpha, options, band),
+        Kind::Exr | Kind::Jpeg => {
+            Err(Error::setting("-o", path.display(), "a picture that is written in bands is a .png"))
+        }
+    }
+}
+
+/// Whether a picture there can have further channels.
+pub fn takes_channels(path: &Path) -> bool {
+    matches!(kind(path), Ok(Kind::Exr))
+}
+
+/// Whether [`in_bands`] can write there.
+pub fn takes_bands(path: &Path) -> bool {
+    matches!(kind(path), Ok(Kind::Png))
+}
+
+fn check_options([width, height]: [u32; 2], options: &ImageOptions) -> Result<()> {
+    if width == 0 || height == 0 {
+        let size = format!("{width}x{height}");
         return Err(Error::setting("--size", size, "a picture has at least one pixel"));
     }
     if let Some(dpi) = options.dpi.filter(|dpi| !(1e-3..1e6).contains(dpi)) {
@@ -64,10 +123,19 @@ pub fn image(path: &Path, image: &Image, options: &ImageOptions) -> Result<()> {
             "a key has 1 to 79 letters and signs of Latin-1, and single spaces inside",
         ));
     }
-    match kind(path)? {
-        Kind::Png => png::write(path, image, options),
-        Kind::Exr => exr::write(path, image, options),
-    }
+    Ok(())
+}
+
+/// Whether a picture there may be transparent: not a JPEG.
+pub fn has_alpha(path: &Path) -> bool {
+    !matches!(kind(path), Ok(Kind::Jpeg))
+}
+
+/// The error about a transparent picture of a kind that is opaque.
+pub fn transparent(path: &Path, kind: &str) -> Error {
+    let allowed =
+        format!("a {kind} cannot be transparent: give a background, or a name that ends in .png or .exr");
+    Error::setting("-o", path.display(), allowed)
 }
 
 /// Whether [`image()`] could write `path`: says so before the work of rendering, by the same errors. Leaves nothing behind.
@@ -153,7 +221,12 @@ fn kind(path: &Path) -> Result<Kind> {
     match extension.as_deref() {
         Some("png") => Ok(Kind::Png),
         Some("exr") => Ok(Kind::Exr),
-        _ => Err(Error::setting("-o", path.display(), "the extension says what to write; known: .png .exr")),
+        Some("jpg" | "jpeg") => Ok(Kind::Jpeg),
+        _ => Err(Error::setting(
+            "-o",
+            path.display(),
+            "the extension says what to write; known: .png .jpg .exr",
+        )),
     }
 }
 
@@ -249,9 +322,12 @@ pub(crate) mod tests {
         check(&folder.0.join("a.PNG")).unwrap();
         check(Path::new("here.exr")).unwrap();
         assert!(folder.names().is_empty());
-        for name in ["a.jpg", "png", "a", ".png"] {
+        for name in ["a.tga", "png", "a", ".png"] {
             let message = check(&folder.0.join(name)).unwrap_err().to_string();
-            assert!(message.starts_with("-o cannot be") && message.contains("known: .png .exr"), "{message}");
+            assert!(
+                message.starts_with("-o cannot be") && message.contains("known: .png .jpg .exr"),
+                "{message}"
+            );
         }
         assert!(matches!(check(&folder.0.join("none/a.png")), Err(Error::Io { .. })));
         fs::create_dir(folder.0.join("folder.png")).unwrap();

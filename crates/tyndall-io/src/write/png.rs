@@ -21,22 +21,57 @@ const DEFLATE: u8 = 2;
 
 /// Writes the picture. The options but for `bits` were checked by the caller.
 pub(super) fn write(path: &Path, image: &Image, options: &ImageOptions) -> Result<()> {
-    let is_wide = match options.bits {
-        8 => false,
-        16 => true,
-        other => return Err(Error::setting("--bits", other, "a PNG has 8 or 16 bits a channel")),
-    };
-    let format = Stored { is_wide, has_alpha: !is_opaque(image) };
-    atomically(path, |file| encode(file, image, options, &format).map_err(io_error))
+    let format = Stored { is_wide: is_wide(options)?, has_alpha: !is_opaque(image) };
+    let bands = |write: &mut Pixels| image.color.chunks(BATCH).try_for_each(write);
+    atomically(path, |file| encode(file, [image.width, image.height], options, &format, bands))
 }
+
+/// Writes a picture of that size from bands, of which `band` gives the one that begins with a row. So the picture need not be in memory.
+pub(super) fn write_in_bands(
+    path: &Path,
+    size: [u32; 2],
+    has_alpha: bool,
+    options: &ImageOptions,
+    mut band: impl FnMut(u32) -> Result<Image>,
+) -> Result<()> {
+    let format = Stored { is_wide: is_wide(options)?, has_alpha };
+    let mut failed = None;
+    let bands = |write: &mut Pixels| {
+        let mut row = 0;
+        while row < size[1] {
+            let image = band(row).map_err(|error| {
+                failed = Some(error);
+                io::Error::other("a part of the picture failed")
+            })?;
+            assert!(image.width == size[0] && image.height > 0, "bands are as wide as the picture");
+            row += image.height;
+            image.color.chunks(BATCH).try_for_each(&mut *write)?;
+        }
+        Ok(())
+    };
+    let written = atomically(path, |file| encode(file, size, options, &format, bands));
+    failed.map_or(written, Err)
+}
+
+fn is_wide(options: &ImageOptions) -> Result<bool> {
+    match options.bits {
+        8 => Ok(false),
+        16 => Ok(true),
+        other => Err(Error::setting("--bits", other, "a PNG has 8 or 16 bits a channel")),
+    }
+}
+
+/// What takes the pixels of a picture, from the upper left on.
+type Pixels<'a> = dyn FnMut(&[[f32; 4]]) -> io::Result<()> + 'a;
 
 fn encode(
     file: impl Write,
-    image: &Image,
+    [width, height]: [u32; 2],
     options: &ImageOptions,
     format: &Stored,
-) -> std::result::Result<(), EncodingError> {
-    let mut encoder = Encoder::new(file, image.width, image.height);
+    give: impl FnOnce(&mut Pixels) -> io::Result<()>,
+) -> io::Result<()> {
+    let mut encoder = Encoder::new(file, width, height);
     encoder.set_color(if format.has_alpha { ColorType::Rgba } else { ColorType::Rgb });
     encoder.set_depth(if format.is_wide { BitDepth::Sixteen } else { BitDepth::Eight });
     encoder.set_deflate_compression(DeflateCompression::Level(DEFLATE));
@@ -50,22 +85,15 @@ fn encode(
         // NUL ends nothing here, but readers take it for the end.
         let (key, text) = (key.clone(), text.replace('\0', " "));
         // tEXt is Latin-1, but readers disagree beyond ASCII.
-        if text.is_ascii() {
-            encoder.add_text_chunk(key, text)?
-        } else {
-            encoder.add_itxt_chunk(key, text)?
-        };
+        if text.is_ascii() { encoder.add_text_chunk(key, text) } else { encoder.add_itxt_chunk(key, text) }
+            .map_err(io_error)?;
     }
 
-    let mut picture = encoder.write_header()?;
-    let mut writer = picture.stream_writer()?;
-    for pixels in image.color.chunks(BATCH) {
-        for bytes in format.bytes(pixels) {
-            writer.write_all(&bytes)?;
-        }
-    }
-    writer.finish()?;
-    picture.finish()
+    let mut picture = encoder.write_header().map_err(io_error)?;
+    let mut writer = picture.stream_writer().map_err(io_error)?;
+    give(&mut |pixels| format.bytes(pixels).iter().try_for_each(|bytes| writer.write_all(bytes)))?;
+    writer.finish().map_err(io_error)?;
+    picture.finish().map_err(io_error)
 }
 
 fn io_error(error: EncodingError) -> io::Error {
@@ -131,6 +159,29 @@ mod tests {
             }
             assert!(off * 50 < words.len(), "{off} of {} differ at {bits} bits", words.len());
         }
+    }
+
+    #[test]
+    fn bands_make_the_picture_that_the_whole_makes() {
+        let folder = Folder::new("png-bands");
+        let [whole, banded] = ["a.png", "b.png"].map(|name| folder.0.join(name));
+        for is_opaque in [true, false] {
+            let image = ramp(50, 37, is_opaque);
+            super::super::image(&whole, &image, &ImageOptions::default()).unwrap();
+            let band = |row: u32| {
+                let rows = 10.min(37 - row);
+                let pixels = (row * 50) as usize..((row + rows) * 50) as usize;
+                let color = image.color[pixels].to_vec();
+                Ok(Image { width: 50, height: rows, color, ..Image::default() })
+            };
+            super::super::in_bands(&banded, [50, 37], !is_opaque, &ImageOptions::default(), band).unwrap();
+            assert_eq!(std::fs::read(&whole).unwrap(), std::fs::read(&banded).unwrap());
+        }
+        std::fs::remove_file(&banded).unwrap();
+        let failing = |row: u32| if row == 0 { Ok(ramp(50, 10, true)) } else { Err(Error::Interrupted) };
+        let failed = super::super::in_bands(&banded, [50, 37], false, &ImageOptions::default(), failing);
+        assert!(matches!(failed, Err(Error::Interrupted)));
+        assert_eq!(folder.names(), ["a.png"]);
     }
 
     #[test]

@@ -5,7 +5,6 @@ mod gif;
 mod h264;
 mod mp4;
 mod webp;
-mod xmp;
 
 use std::fs::{self, File};
 use std::io;

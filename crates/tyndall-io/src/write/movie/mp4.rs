@@ -10,7 +10,8 @@ use shiguredo_mp4::boxes::{Avc1Box, AvccBox, SampleEntry, UnknownBox, VisualSamp
 use shiguredo_mp4::mux::{Mp4FileMuxer, Sample};
 use shiguredo_mp4::{BoxSize, BoxType, TrackKind, Uint};
 
-use super::{Frames, duration, h264, xmp};
+use super::{Frames, duration, h264};
+use crate::xmp;
 
 /// Units of time a second: those of 24, 25, 30 and 60 pictures a second, and of 29.97, are whole.
 const TIMESCALE: NonZeroU32 = NonZeroU32::new(90_000).expect("not zero");

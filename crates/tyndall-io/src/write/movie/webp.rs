@@ -7,7 +7,8 @@ use std::io::{self, BufWriter, Seek, SeekFrom, Write};
 
 use image_webp::{ColorType, EncodingError, WebPEncoder};
 
-use super::{Frames, duration, xmp};
+use super::{Frames, duration};
+use crate::xmp;
 
 /// There is an animation; alpha; XMP.
 const FLAGS: u8 = 0x02 | 0x10 | 0x04;
