@@ -6,19 +6,22 @@ use std::time::Duration;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use glam::DVec3;
+use tyndall::film::Window;
 use tyndall::scene::bonding::Bonding;
 use tyndall::scene::camera_path::Key;
 use tyndall::scene::coloring::{Coloring, Norm, Range};
 use tyndall::scene::colormap::Colormap;
 use tyndall::scene::select::{Clip, Filter};
 use tyndall::scene::viewpoint::Side;
-use tyndall_io::write::movie;
+use tyndall_io::write::{ImageOptions, movie};
 
 use crate::bench_culling::CullingBench;
 use crate::culling::CullingArgs;
 use crate::device::Choice;
+use crate::layers::Layer;
 use crate::medium::args::{Density, Medium};
-use crate::output::EncoderName;
+use crate::output::{EncoderName, Pattern};
+use crate::scene::Origin;
 use crate::values::{Background, Degrees, Focus, Ortho, Size, Slice, count, length, point};
 
 /// Particle files to pictures: exact spheres, at any count.
@@ -49,6 +52,8 @@ pub(crate) enum Verb {
     Build(Box<Build>),
     /// Writes particles in another format
     Convert(Box<Convert>),
+    /// Prints the JSON schema of scene files
+    Schema,
     /// Lists what can render: the processor and the graphics cards
     Devices(Devices),
     /// Measures building and rendering on synthetic particles
@@ -85,13 +90,13 @@ impl Verb {
 #[derive(Args)]
 pub(crate) struct Common {
     /// Says nothing but errors
-    #[arg(short, long)]
+    #[arg(short, long, help_heading = None)]
     pub(crate) quiet: bool,
     /// Says more: times of each stage, causes of errors
-    #[arg(short, long, conflicts_with = "quiet")]
+    #[arg(short, long, conflicts_with = "quiet", help_heading = None)]
     pub(crate) verbose: bool,
     /// Threads to work with [default: all cores]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..), help_heading = None)]
     pub(crate) threads: Option<u16>,
 }
 
@@ -101,7 +106,8 @@ pub(crate) struct Common {
 pub(crate) struct Input {
     /// Files, as one sequence in this order; in quotes also patterns: 'run.*.dump', or 'spray.####.prt', %04d and $F4, whose numbers
     /// are then those of --frame and --frames; or synthetic:NAME?n=COUNT. A file with names before files that have coordinates
-    /// only (XTC, TRR, DCD, AMBER NetCDF) names their particles: topol.gro traj.xtc
+    /// only (XTC, TRR, DCD, AMBER NetCDF) names their particles: topol.gro traj.xtc. To render also a scene file (.toml), which says what is not
+    /// said here: see docs/scenes.md
     #[arg(required = true, value_name = "FILE", help_heading = None)]
     pub(crate) files: Vec<PathBuf>,
     /// The numbers of the files, if a pattern with a number named them: see [`crate::names`].
@@ -193,13 +199,15 @@ pub(crate) struct Render {
     pub(crate) medium: Medium,
     #[command(flatten)]
     pub(crate) common: Common,
+    #[arg(skip)]
+    pub(crate) origin: Origin,
 }
 
 /// The picture file.
 #[derive(Args)]
 #[command(next_help_heading = "Picture")]
 pub(crate) struct Picture {
-    /// The picture or movie; its extension says which kind: .png .exr, .mp4 .gif .webp. Several pictures have the number of their frame in the name: %04d, #### or $F4
+    /// The picture or movie; its extension says which kind: .png .jpg .exr, .mp4 .gif .webp. Several pictures have the number of their frame in the name: %04d, #### or $F4
     #[arg(short, long, value_name = "OUT")]
     pub(crate) output: PathBuf,
     /// Pixels across and down
@@ -217,15 +225,45 @@ pub(crate) struct Picture {
     /// Bits of a PNG's channel: 8 or 16
     #[arg(long, value_name = "BITS", default_value = "8", value_parser = ["8", "16"])]
     pub(crate) bits: String,
+    /// Quality of a JPEG, from 1 (small) to 100 (good)
+    #[arg(long, value_name = "N", default_value_t = 92, value_parser = clap::value_parser!(u8).range(1..=100))]
+    pub(crate) quality: u8,
     /// Pixels an inch on paper, written into the file
     #[arg(long, value_name = "DPI", allow_hyphen_values = true)]
     pub(crate) dpi: Option<f64>,
+    /// Only this part of the picture, in pixels from its upper left corner; its pixels are those of the whole
+    #[arg(long, value_name = "X,Y,WIDTH,HEIGHT", value_parser = crate::values::window)]
+    pub(crate) crop: Option<Window>,
+    /// Layers of an EXR beside its colors: alpha, depth, id (the place in the file), normal, position, albedo (colors without light), direct
+    /// (the key light alone), ambient (the sky alone), value (the numbers that --color shows), of a medium transmittance; beauty is always
+    /// there [default: depth,id, of a medium transmittance too]
+    #[arg(
+        long,
+        visible_alias = "aov",
+        value_name = "NAMES",
+        value_delimiter = ',',
+        hide_possible_values = true
+    )]
+    pub(crate) layers: Option<Vec<Layer>>,
+    /// For two eyes: side-by-side, or anaglyph for glasses that are red on the left and cyan on the right
+    #[arg(long, value_name = "HOW", conflicts_with = "crop")]
+    pub(crate) stereo: Option<Stereo>,
+    /// Distance of the eyes [default: a thirtieth of that of what the camera looks at]
+    #[arg(long, value_name = "LENGTH", value_parser = length, allow_hyphen_values = true, requires = "stereo")]
+    pub(crate) eye_separation: Option<f32>,
     /// Behind the particles: white, black, none (transparent), #rrggbb, a color's name; of a medium also sky [default: white, of a medium black]
     #[arg(long, value_name = "COLOR")]
     pub(crate) background: Option<Background>,
     /// Short for --background none
     #[arg(long, conflicts_with = "background")]
     pub(crate) alpha: bool,
+    /// Writes what is asked for as a scene file, which renders the same picture; what is guessed is left to be guessed again
+    #[arg(long, value_name = "FILE.toml")]
+    pub(crate) save_scene: Option<PathBuf>,
+    /// Renders a PNG, EXR or JPEG that Tyndall wrote once more, by what is written in it: into the same file, or that of -o. Other flags
+    /// and files count before what they were
+    #[arg(long, value_name = "PICTURE")]
+    pub(crate) again: Option<PathBuf>,
 }
 
 impl Picture {
@@ -234,10 +272,49 @@ impl Picture {
         movie::size(&self.output, [self.size.width, self.size.height])
     }
 
+    /// How the picture's file is written, with these texts.
+    pub(crate) fn options(&self, metadata: Vec<(String, String)>) -> ImageOptions {
+        let bits = if self.bits == "16" { 16 } else { 8 };
+        let has = |layer| self.layers.as_ref().is_none_or(|layers| layers.contains(&layer));
+        ImageOptions {
+            bits,
+            quality: self.quality,
+            dpi: self.dpi,
+            metadata,
+            has_depth: has(Layer::Depth),
+            has_ids: has(Layer::Id),
+            part_of: self.crop.map(|window| (window, self.pixels())),
+            ..ImageOptions::default()
+        }
+    }
+
+    /// The file of picture `number`.
+    pub(crate) fn written(&self, number: usize) -> PathBuf {
+        Pattern::new(&self.output).name(number)
+    }
+
+    /// Width and height of what is written.
+    pub(crate) fn written_pixels(&self) -> [u32; 2] {
+        let [width, height] = self.crop.map_or(self.pixels(), |window| [window.width, window.height]);
+        match self.stereo {
+            Some(Stereo::SideBySide) => [2 * width, height],
+            _ => [width, height],
+        }
+    }
+
     /// Whether something lies behind the particles everywhere.
     pub(crate) fn is_opaque(&self) -> bool {
         !self.alpha && self.background != Some(Background::Nothing)
     }
+}
+
+/// How two eyes share a picture.
+#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Stereo {
+    /// The left eye's picture left of the right eye's: twice as wide
+    SideBySide,
+    /// In red and cyan
+    Anaglyph,
 }
 
 /// Which frames.
@@ -299,6 +376,9 @@ pub(crate) struct CameraArgs {
     /// Parallel rays; the height of what the picture shows, or auto
     #[arg(long, value_name = "HEIGHT", allow_hyphen_values = true)]
     pub(crate) ortho: Option<Ortho>,
+    /// All around the eye (equirectangular): twice as wide as high shows everything. Without --eye from the middle of the particles
+    #[arg(long, conflicts_with_all = ["ortho", "fov", "horizontal_fov"])]
+    pub(crate) panorama: bool,
     /// Frames far outliers too
     #[arg(long)]
     pub(crate) frame_all: bool,

@@ -1,6 +1,6 @@
 //! The command `tyndall`: parses the command line, calls the libraries, says in one line what came of it.
 //!
-//! `args` defines the language, `values` how its words are written; each verb has a file; `report` speaks to people.
+//! `args` defines the language, `values` how its words are written, `scene` what files say in it; each verb has a file; `report` speaks to people.
 
 mod ahead;
 mod args;
@@ -19,6 +19,7 @@ mod help;
 mod info;
 mod input;
 mod json;
+mod layers;
 mod looks;
 mod medium;
 mod metadata;
@@ -28,24 +29,29 @@ mod plan;
 mod progress;
 mod render;
 mod report;
+mod scene;
 mod selection;
+mod shot;
 mod structure;
 mod usage;
 mod values;
 
 use std::process::ExitCode;
 
-use clap::Parser;
-
-use args::{Cli, Common, Verb};
+use args::{Common, Verb};
 use report::{Failure, Outcome, Report};
+use scene::Refused;
 
 fn main() -> ExitCode {
     #[cfg(feature = "gpu")]
     without_display();
-    let mut cli = match Cli::try_parse() {
+    let mut cli = match scene::command_line(std::env::args_os().collect()) {
         Ok(cli) => cli,
-        Err(error) => return usage::explain(&error),
+        Err(Refused::Words(error)) => return usage::explain(&error),
+        Err(Refused::Scene(failure)) => {
+            eprintln!("{failure}");
+            return failure.exit_code();
+        }
     };
     progress::listen_to_signals();
     if let Some(Err(failure)) = cli.verb.input().map(names::expand) {
@@ -57,6 +63,7 @@ fn main() -> ExitCode {
         Verb::Info(args) => with(&args.common, |report| info::run(&args, report)),
         Verb::Build(args) => with(&args.common, |report| build::run(&args, report)),
         Verb::Convert(args) => with(&args.common, |report| convert::run(&args, report)),
+        Verb::Schema => told(scene::print_schema()),
         Verb::Devices(args) => with(&args.common, device::list),
         Verb::Bench(args) => with(&args.common, |report| bench::run(&args, report)),
         Verb::Completions { shell } => told(help::completions(shell)),

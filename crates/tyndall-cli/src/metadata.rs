@@ -7,10 +7,13 @@ use std::time::{SystemTime, UNIX_EPOCH};
 use tyndall::render::Settings;
 use tyndall_io::Sequence;
 
+use crate::args::Render;
 use crate::culling;
+use crate::plan::Picture;
 
-/// Keys and texts of one picture.
-pub(crate) fn entries(
+/// Keys and texts of the pictures of a frame.
+pub(crate) fn of_frame(
+    args: &Render,
     sequence: &Sequence,
     frame: usize,
     time: Option<f64>,
@@ -18,7 +21,7 @@ pub(crate) fn entries(
     guesses: &[String],
 ) -> Vec<(String, String)> {
     let paths: Vec<&Path> = sequence.paths().iter().map(|path| path.as_ref()).collect();
-    let mut entries = common(&paths, settings, guesses);
+    let mut entries = common(args, &paths, settings, guesses);
     entries.push(("Frame".into(), format!("{frame} of {} ({})", sequence.len(), sequence.name(frame))));
     if let Some(time) = time {
         entries.push(("Time".into(), time.to_string()));
@@ -26,18 +29,35 @@ pub(crate) fn entries(
     entries
 }
 
-/// Keys and texts of the picture of a scene without particles.
-pub(crate) fn of_scene(path: &Path, settings: &Settings, guesses: &[String]) -> Vec<(String, String)> {
-    common(&[path], settings, guesses)
+/// Keys and texts of the pictures of a density from a file.
+pub(crate) fn of_grid(
+    args: &Render,
+    path: &Path,
+    settings: &Settings,
+    guesses: &[String],
+) -> Vec<(String, String)> {
+    common(args, &[path], settings, guesses)
 }
 
-fn common(paths: &[&Path], settings: &Settings, guesses: &[String]) -> Vec<(String, String)> {
+/// Those of one picture of a frame: with its name among all that were asked for.
+pub(crate) fn of_picture(mut of_frame: Vec<(String, String)>, picture: &Picture) -> Vec<(String, String)> {
+    of_frame.push(("Picture".into(), picture.name.display().to_string()));
+    of_frame
+}
+
+/// What makes pictures.
+pub(crate) fn software() -> String {
+    format!("Tyndall {}", env!("CARGO_PKG_VERSION"))
+}
+
+fn common(args: &Render, paths: &[&Path], settings: &Settings, guesses: &[String]) -> Vec<(String, String)> {
     let inputs: Vec<String> = paths.iter().map(|path| input(path)).collect();
     let Settings { width, height, samples, seed, culling } = settings;
     let culling = culling::description(culling);
     let entries = [
-        ("Software", format!("Tyndall {}", env!("CARGO_PKG_VERSION"))),
+        ("Software", software()),
         ("Command", command_line()),
+        ("Scene", args.origin.text.clone()),
         ("Inputs", inputs.join("\n")),
         ("Seed", seed.to_string()),
         ("Settings", format!("{width}x{height} pixels, {samples} samples, seed {seed}, {culling}")),
@@ -61,7 +81,7 @@ fn command_line() -> String {
 }
 
 /// A file's name, size and time of change.
-fn input(path: &Path) -> String {
+pub(crate) fn input(path: &Path) -> String {
     let Ok(found) = fs::metadata(path) else { return path.display().to_string() };
     let changed = found.modified().ok().map_or(String::new(), |time| format!(", changed {}", utc(time)));
     format!("{} ({} bytes{changed})", path.display(), found.len())

@@ -36,7 +36,15 @@ impl<'a> Output<'a> {
         let output = Self { args, report, movie: None, written: 0 };
         let path = &args.picture.output;
         if !movie::is_movie(path) {
-            write::check(&Pattern::new(path).name(0)).map_err(Failure::Output)?;
+            let first = args
+                .origin
+                .again
+                .as_ref()
+                .map_or_else(|| Pattern::new(path).name(0), |again| again.to.clone());
+            write::check(&first).map_err(Failure::Output)?;
+            if !(args.picture.is_opaque() || write::has_alpha(&first)) {
+                return Err(Failure::Output(write::transparent(&first, "JPEG")));
+            }
             return Ok(output);
         }
         if Pattern::new(path).is_numbered() {
@@ -44,7 +52,7 @@ impl<'a> Output<'a> {
             return Err(Error::setting("-o", path.display(), allowed).into());
         }
         let [width, height] = args.picture.pixels();
-        movie::check(path, [width, height], args.picture.is_opaque(), &output.options(&[]))
+        movie::check(path, args.picture.written_pixels(), args.picture.is_opaque(), &output.options(&[]))
             .map_err(Failure::Output)?;
         let args::Picture { size, .. } = &args.picture;
         if [size.width, size.height] != [width, height] {
@@ -76,6 +84,34 @@ impl<'a> Output<'a> {
         Ok(())
     }
 
+    /// Writes a picture to `path` from bands, of which `band` gives the one that begins with a row, transparent or not; says how long it took,
+    /// and returns whether it shows anything.
+    pub(crate) fn write_bands(
+        &mut self,
+        path: &Path,
+        (has_alpha, options): (bool, &ImageOptions),
+        mut band: impl FnMut(u32) -> tyndall::Result<Image>,
+        took: impl FnOnce() -> Duration,
+    ) -> Outcome<bool> {
+        let size = self.args.picture.pixels();
+        let (mut shows, mut is_blank) = (false, false);
+        let looked_at = |row| {
+            let image = band(row)?;
+            shows |= !image.shows_nothing();
+            is_blank = !shows && row + image.height == size[1];
+            // What shows nothing is not written.
+            if is_blank { Err(Error::Interrupted) } else { Ok(image) }
+        };
+        match write::in_bands(path, size, has_alpha, options, looked_at) {
+            Err(_) if is_blank => return Ok(false),
+            Err(error @ Error::Interrupted) => return Err(error.into()),
+            written => written.map_err(Failure::Output)?,
+        }
+        self.written += 1;
+        self.report.note(format_args!("{}  {}", path.display(), seconds(took().as_secs_f64())));
+        Ok(true)
+    }
+
     /// Ends the movie of the pictures that were made, also where some failed; one that was interrupted leaves nothing.
     pub(crate) fn finish(self, done: Outcome<()>) -> Outcome<()> {
         let Some(movie) = self.movie.filter(|_| matches!(done, Ok(()) | Err(Failure::Partial(_)))) else {
@@ -91,7 +127,7 @@ impl<'a> Output<'a> {
 
     /// A movie is not of one frame or time.
     fn options(&self, metadata: &[(String, String)]) -> MovieOptions {
-        let of_movie = |(key, _): &&(String, String)| !matches!(key.as_str(), "Frame" | "Time");
+        let of_movie = |(key, _): &&(String, String)| !matches!(key.as_str(), "Frame" | "Time" | "Picture");
         MovieOptions {
             frames_per_second: self.args.frames.fps,
             encoder: match self.args.frames.encoder {

@@ -13,13 +13,19 @@ use crate::args;
 use crate::names::Numbers;
 use crate::output::Pattern;
 use crate::report::{Failure, Outcome, Report, counted};
+use crate::scene::Again;
 use crate::values::Degrees;
 
 /// One picture to be made.
 pub(crate) struct Picture {
     pub(crate) frame: usize,
+    /// The file that it goes to.
     pub(crate) path: PathBuf,
+    /// What that file would be called among all pictures that are asked for: another name only of a picture that is made anew.
+    pub(crate) name: PathBuf,
     shot: Shot,
+    /// Whether it is not to be made, but belongs to those that are asked for.
+    is_left: bool,
 }
 
 /// Where the camera is.
@@ -31,6 +37,11 @@ enum Shot {
 }
 
 impl Picture {
+    /// Whether it is to be made.
+    fn is_wanted(&self, skip_existing: bool) -> bool {
+        !(self.is_left || skip_existing && self.path.exists())
+    }
+
     /// Its camera, where `camera` and `outline` are those of the first frame.
     pub(crate) fn camera(
         &self,
@@ -109,15 +120,33 @@ pub(crate) fn pictures(
         // One camera is that of all frames.
         let key = if keys.moves() || is_one { place } else { 0 };
         let shot = if has_keys { Shot::At(key as f64) } else { turned };
-        Picture { frame, path: pattern.name(if is_one { place } else { numbers.number(frame) }), shot }
+        let name = pattern.name(if is_one { place } else { numbers.number(frame) });
+        Picture { frame, path: name.clone(), name, shot, is_left: false }
     };
-    Ok((0..pictures).map(picture).collect())
+    let mut pictures: Vec<Picture> = (0..pictures).map(picture).collect();
+    if let Some(Again { name, to }) = &args.origin.again {
+        let mut is_found = false;
+        for picture in &mut pictures {
+            picture.is_left = picture.name != *name || is_found;
+            if !picture.is_left {
+                (picture.path, is_found) = (to.clone(), true);
+            }
+        }
+        if !is_found {
+            let text = format!(
+                "--again: {} is none of the pictures that are asked for — leave out --frame and --frames",
+                name.display()
+            );
+            return Err(Failure::Usage(text));
+        }
+    }
+    Ok(pictures)
 }
 
 /// The frames that [`each_frame`] will read, in order.
 pub(crate) fn frames_to_read(pictures: &[Picture], skip_existing: bool) -> Vec<usize> {
     let first = pictures.first().map(|it| it.frame);
-    let missing = pictures.iter().filter(|it| !(skip_existing && it.path.exists())).map(|it| it.frame);
+    let missing = pictures.iter().filter(|it| it.is_wanted(skip_existing)).map(|it| it.frame);
     let mut frames: Vec<usize> = first.into_iter().chain(missing).collect();
     frames.dedup();
     frames
@@ -142,8 +171,8 @@ pub(crate) fn each_frame<K>(
         let same = left.iter().take_while(|it| it.frame == first.frame).count();
         let (now, later) = left.split_at(same);
         left = later;
-        let wanted: Vec<&Picture> = now.iter().filter(|it| !(skip_existing && it.path.exists())).collect();
-        skipped += same - wanted.len();
+        let wanted: Vec<&Picture> = now.iter().filter(|it| it.is_wanted(skip_existing)).collect();
+        skipped += now.iter().filter(|it| !it.is_left && !it.is_wanted(skip_existing)).count();
         if wanted.is_empty() && (kept.is_some() || left.is_empty()) {
             continue;
         }

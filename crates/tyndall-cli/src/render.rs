@@ -3,6 +3,7 @@
 //! What is not said is guessed from the first frame: camera and radius are kept for all frames, so that nothing jumps; the color
 //! range follows each frame unless it is fixed. A frame that fails does not stop the others.
 
+use std::path::Path;
 use std::time::Instant;
 
 use tyndall::particles::{Particles, Radii};
@@ -24,24 +25,26 @@ use tyndall::structure::replicas::Replicas;
 use tyndall::structure::saved::RadiiOf;
 use tyndall::structure::{Kind, Spheres, Structure};
 use tyndall::{Error, Source};
-use tyndall_io::write::ImageOptions;
 use tyndall_io::{Parts, Saved, Sequence};
 
 use crate::ahead::Ahead;
 use crate::args::{self, Builder, LightLook, Mode, Selection};
 use crate::device::{self, Goal, Held, Renders};
+use crate::layers::{self, Layer};
 use crate::names::Numbers;
 use crate::output::{Output, Pattern};
 use crate::plan::{self, Picture};
 use crate::report::{Failure, Outcome, Report, counted, seconds};
 use crate::selection::Found;
+use crate::shot::{self, Shot};
 use crate::values::{Background, Degrees};
 use crate::{ahead, culling, dry_run, input, looks, medium, metadata, progress, structure};
 
 /// Renders what the command line asks for.
 pub(crate) fn run(args: &args::Render, report: &Report) -> Outcome<()> {
-    if let Some(scene) = medium::scene_of(args) {
-        return medium::run_scene(scene, report);
+    args.origin.begin(report)?;
+    if let Some(grid) = &args.origin.grid {
+        return medium::run_grid(args, grid, report);
     }
     if medium::are_grids(&args.input.files)? {
         return medium::run_grids(args, report);
@@ -117,6 +120,7 @@ struct Job<'a> {
     viewpoint: Viewpoint,
     background: Option<[f32; 3]>,
     pattern: Pattern,
+    layers: &'a [Layer],
     renders: Renders,
     goal: Goal,
 }
@@ -132,6 +136,9 @@ impl<'a> Job<'a> {
         }
         let most = if goal.is_given() { MOST_SAMPLES } else { Settings::default().samples };
         let samples = samples.unwrap_or(most);
+        if let Some(window) = args.picture.crop {
+            window.check(width, height)?;
+        }
         let culling = culling::culling(&args.method.culling);
         if let Culling::Confidence(options) = culling {
             options.check()?;
@@ -141,6 +148,16 @@ impl<'a> Job<'a> {
         let coverage = matches!(culling, Culling::Certified(proofs) if proofs.coverage);
         if images.is_some() && coverage {
             return Err(Error::setting("--certified", "coverage", "without coverage with --replicate").into());
+        }
+        let of_picture = shot::beyond_cards(args);
+        if let (Some(name), Some(other)) = (goal.name(), of_picture)
+            && !args.camera.panorama
+        {
+            let text = format!("{name} is not for {other} — leave out one of them");
+            return Err(Failure::Usage(text));
+        }
+        if args.camera.panorama && bonds.is_some() {
+            return Err(Failure::Usage("--panorama draws no bonds — leave out one of them".into()));
         }
         let beyond = images.map(|_| "--replicate").or(bonds);
         looks::check(args)?;
@@ -171,13 +188,14 @@ impl<'a> Job<'a> {
             viewpoint: viewpoint(args)?,
             background: background.filter(|_| args.picture.is_opaque()),
             pattern: Pattern::new(&args.picture.output),
+            layers: layers::asked(&args.picture, &args.picture.written(0), &Layer::OF_SPHERES)?,
             renders: Renders::new(
                 &args.method.device,
                 device::Work {
                     structure,
                     culling,
                     build: args.method.build,
-                    beyond_cards: beyond.or(looks::traced_by(args)),
+                    beyond_cards: beyond.or(looks::traced_by(args)).or(of_picture),
                 },
                 report,
             )?,
@@ -203,14 +221,31 @@ impl<'a> Job<'a> {
             }
             count => Work::of_count(count, self.structure, self.settings),
         };
-        let work =
-            Work { traced: !matches!(self.args.look.look, LightLook::Headlight | LightLook::Flat), ..work };
+        let traced = !matches!(self.args.look.look, LightLook::Headlight | LightLook::Flat);
+        let work = self.held(Work { traced, ..work });
         self.check_memory(&work, if known > 0 { Reading::Parts } else { Reading::Whole })?;
         dry_run::tell(&work, pictures.len(), self.report)
     }
 
+    /// Rows that are made at one time of a picture, if it is made in bands.
+    fn band_rows(&self, path: &Path) -> Option<u32> {
+        let rows = shot::band_rows(&self.args.picture, path, self.args.method.memory);
+        rows.filter(|_| !self.goal.is_given())
+    }
+
+    /// The same work, of which so many pixels are in memory as will be.
+    fn held(&self, work: Work) -> Work {
+        let args::Picture { crop, .. } = &self.args.picture;
+        let width = u64::from(self.settings.width);
+        let rows = self.band_rows(&self.args.picture.written(0));
+        let part = crop.map(|window| u64::from(window.width) * u64::from(window.height));
+        let held_pixels = rows.map(|rows| width * u64::from(rows)).or(part).unwrap_or(work.held_pixels);
+        Work { held_pixels, ..work }
+    }
+
     /// Refuses work that does not fit the memory.
     fn check_memory(&self, work: &Work, reading: Reading) -> Outcome<()> {
+        let work = &self.held(*work);
         let needed_bytes = match (reading, self.structure) {
             (Reading::Parts, Kind::Bvh(_)) => work.memory_bytes().min(work.streamed_bytes()),
             _ => work.memory_bytes(),
@@ -227,7 +262,7 @@ impl<'a> Job<'a> {
         // What is wrong with the file is said when it is read.
         let parts =
             sequence.parts(number).ok().flatten().filter(|_| matches!(self.structure, Kind::Bvh(_)))?;
-        let work = Work::of_count(parts.len(), self.structure, self.settings);
+        let work = self.held(Work::of_count(parts.len(), self.structure, self.settings));
         (!dry_run::fits(work.memory_bytes(), self.args.method.memory)).then_some(parts)
     }
 
@@ -341,6 +376,15 @@ impl<'a> Job<'a> {
         let bonded =
             look.bonds.map(|which| bonding::find(&particles, which, look.bond_radius)).transpose()?;
         let selection = Found::of(&self.args.selection, &particles)?;
+        let numbers = match (self.layers.contains(&Layer::Value), &parts) {
+            (true, None) => Some(layers::Numbers::of(&particles, &look.color)?),
+            (true, Some(_)) => {
+                let allowed =
+                    "without value: the particles do not fit the memory with what each has of its own";
+                return Err(Error::setting("--layers", "value", allowed).into());
+            }
+            (false, _) => None,
+        };
         let mut guesses = self.guesses(&conventions, count, &radius_text, &colors, &framing_text);
         guesses.extend(bonded.iter().map(|bonded| bonded.description.clone()));
         if is_first {
@@ -412,31 +456,54 @@ impl<'a> Job<'a> {
         let loading = Instant::now();
         let loaded = self.renders.load(&scene, held, self.report)?;
         self.report.detail(format_args!("upload: {}", seconds(loading.elapsed().as_secs_f64())));
+        let entries = metadata::of_frame(self.args, sequence, number, time, &self.settings, &guesses);
         for (place, picture) in pictures.iter().enumerate() {
             let rendering = Instant::now();
             let camera = picture.camera(self.args, &self.viewpoint, (&camera, &outline))?;
             self.set_light(&mut scene, dropped, &camera)?;
-            let image = loaded.image(&scene, &camera, (&self.settings, self.goal), self.report)?;
-            if image.shows_nothing() {
-                let Settings { width, height, .. } = self.settings;
-                let view = camera.view(scene.structure().origin(), width, height)?;
-                return Err(Failure::Unseen(why_unseen(scene.structure(), dropped, &view)));
-            }
-            self.report.detail(format_args!("render: {}", seconds(rendering.elapsed().as_secs_f64())));
-            let options = ImageOptions {
-                bits: if self.args.picture.bits == "16" { 16 } else { 8 },
-                dpi: self.args.picture.dpi,
-                metadata: metadata::entries(sequence, number, time, &self.settings, &guesses),
-                ..ImageOptions::default()
+            let whole = |scene: &Scene, camera: &Camera| {
+                loaded.image(scene, camera, (&self.settings, self.goal), self.report)
             };
+            let shot = Shot {
+                picture: &self.args.picture,
+                layers: self.layers,
+                numbers: numbers.as_ref(),
+                settings: &self.settings,
+                report: self.report,
+                whole: &whole,
+            };
+            let mut options = self.args.picture.options(metadata::of_picture(entries.clone(), picture));
             let since = if place == 0 { start } else { rendering };
-            output.write(&picture.path, &image, &options, || since.elapsed())?;
+            if let Some(rows) = self.band_rows(&picture.path) {
+                let band = |first| shot.band(&scene, &camera, first, rows);
+                let of_band = (self.background.is_none(), &options);
+                if !output.write_bands(&picture.path, of_band, band, || since.elapsed())? {
+                    return Err(self.unseen(&scene, dropped, &camera));
+                }
+            } else {
+                let (image, channels) = shot.take(&mut scene, &camera)?;
+                if image.shows_nothing() && self.args.picture.crop.is_none() {
+                    return Err(self.unseen(&scene, dropped, &camera));
+                }
+                self.report.detail(format_args!("render: {}", seconds(rendering.elapsed().as_secs_f64())));
+                options.channels = channels;
+                output.write(&picture.path, &image, &options, || since.elapsed())?;
+            }
             *written += 1;
             if progress::stopped() {
                 return Err(Error::Interrupted.into());
             }
         }
         Ok(())
+    }
+
+    /// The error about a picture that shows nothing.
+    fn unseen(&self, scene: &Scene, dropped: u64, camera: &Camera) -> Failure {
+        let Settings { width, height, .. } = self.settings;
+        match camera.view(scene.structure().origin(), width, height) {
+            Ok(view) => Failure::Unseen(why_unseen(scene.structure(), dropped, &view)),
+            Err(error) => error.into(),
+        }
     }
 
     /// Says what concerns a frame: of the first to all, of others to the curious.
@@ -505,6 +572,9 @@ impl<'a> Job<'a> {
         if self.viewpoint.eye.is_some() {
             return (camera, outline, "camera given".into());
         }
+        if self.viewpoint.lens == Lens::Panorama {
+            return (camera, outline, "panorama from the middle".into());
+        }
         if let Some(warning) = framing.warning {
             self.report.warn(&warning);
         }
@@ -563,6 +633,7 @@ pub(crate) fn viewpoint(args: &args::Render) -> Outcome<Viewpoint> {
         (None, None, Some(Degrees(fov))) => {
             Lens::Perspective { vertical_angle: 2.0 * ((0.5 * fov.to_radians()).tan() / aspect).atan() }
         }
+        (None, None, None) if camera.panorama => Lens::Panorama,
         (None, None, None) => Lens::Perspective { vertical_angle: VERTICAL_ANGLE },
     };
     let motion = if args.frames.orbit.is_some() { Motion::Orbit } else { Motion::Still };

@@ -24,13 +24,15 @@ pub(crate) fn explain(error: &Error) -> ExitCode {
         };
         return ExitCode::from(if wanted { 0 } else { 2 });
     }
-    let failure = Failure::Usage(one_line(error));
+    let ours = error.source().is_some_and(|source| source.is::<tyndall::Error>());
+    let more = if ours { "" } else { " — see tyndall --help" };
+    let failure = Failure::Usage(format!("{}{more}", reason(error)));
     eprintln!("{failure}");
     failure.exit_code()
 }
 
-/// The error without its layout. Where one of our own values was refused, its reason stands for itself.
-fn one_line(error: &Error) -> String {
+/// The error in one line, without its layout. Where one of our own values was refused, its reason stands for itself.
+pub(crate) fn reason(error: &Error) -> String {
     if let Some(reason) = error.source().and_then(|source| source.downcast_ref::<tyndall::Error>()) {
         let argument =
             error.get(clap::error::ContextKind::InvalidArg).map(ToString::to_string).unwrap_or_default();
@@ -52,7 +54,7 @@ fn one_line(error: &Error) -> String {
             parts.push(line.trim_start_matches("error: ").to_string());
         }
     }
-    format!("{} — see tyndall --help", parts.join(" — ").replace(": — ", ": "))
+    parts.join(" — ").replace(": — ", ": ")
 }
 
 /// Words without a verb: a file that wants to be seen, or a verb that does not exist.

@@ -4,6 +4,7 @@ use std::str::FromStr;
 use std::time::Duration;
 
 use glam::DVec3;
+use tyndall::film::Window;
 use tyndall::scene::coloring::Coloring;
 use tyndall::{Error, Result};
 
@@ -48,6 +49,15 @@ pub(crate) fn images(text: &str) -> Result<[u32; 3]> {
         Some(&[all]) => Ok([all; 3]),
         Some(&[x, y, z]) => Ok([x, y, z]),
         _ => Err(Error::setting("--replicate", text, "whole numbers NX,NY,NZ from 1, or one for all three")),
+    }
+}
+
+/// Reads `X,Y,WIDTH,HEIGHT`.
+pub(crate) fn window(text: &str) -> Result<Window> {
+    let numbers: Option<Vec<u32>> = text.split(',').map(|part| part.trim().parse().ok()).collect();
+    match numbers.as_deref() {
+        Some(&[x, y, width, height]) if width > 0 && height > 0 => Ok(Window { x, y, width, height }),
+        _ => Err(Error::setting("--crop", text, "X,Y,WIDTH,HEIGHT in whole pixels, such as 100,50,640,480")),
     }
 }
 
@@ -309,6 +319,8 @@ mod tests {
         assert!(["1,2", "1,2,3,4", "1,2,nan", ""].iter().all(|bad| point(bad).is_err()));
         assert_eq!((images("3,3,1").unwrap(), images("2").unwrap()), ([3, 3, 1], [2; 3]));
         assert!(["0", "3,3", "1,2,3,4", "1,0,1", "-1", "1.5", ""].iter().all(|bad| images(bad).is_err()));
+        assert_eq!(window("1,2,3,4").unwrap(), Window { x: 1, y: 2, width: 3, height: 4 });
+        assert!(["1,2,3", "1,2,0,4", "-1,2,3,4", ""].iter().all(|bad| window(bad).is_err()));
         assert!(["0", "-1", "nan", "inf", "x"].iter().all(|bad| length(bad).is_err()));
         assert_eq!(duration("90s").unwrap(), duration("1.5m").unwrap());
         assert!(["0", "-1", "nan", "s", "1d", "inf", ""].iter().all(|bad| duration(bad).is_err()));

@@ -6,7 +6,6 @@
 pub(crate) mod args;
 pub(crate) mod estimate;
 mod picture;
-mod scene_file;
 mod statistics;
 pub(crate) mod values;
 
@@ -32,33 +31,23 @@ use tyndall_io::{vdb, write};
 
 use self::args::{CacheName, MethodName};
 use crate::args::{Picture, Render};
+use crate::layers::{self, Layer};
 use crate::names::Numbers;
 use crate::output::{Output, Pattern};
 use crate::report::{Failure, Outcome, Report, counted, seconds};
 use crate::values::Background;
-use crate::{ahead, dry_run, input, metadata, plan, progress, render, selection};
+use crate::{ahead, dry_run, input, metadata, plan, progress, render, scene, selection};
 use picture::Renderer;
-use scene_file::SceneFile;
 use values::Rgb;
-
-/// The scene file among the inputs, which says what is to be rendered.
-pub(crate) fn scene_of(args: &Render) -> Option<&Path> {
-    let is_scene = |file: &&PathBuf| file.extension().is_some_and(|it| it.eq_ignore_ascii_case("toml"));
-    args.input.files.iter().find(is_scene).map(PathBuf::as_path)
-}
 
 /// Whether files are grids of OpenVDB, as the first of them is.
 pub(crate) fn are_grids(files: &[PathBuf]) -> Outcome<bool> {
     Ok(files.first().is_some_and(|file| file.is_file() && vdb::is_vdb(file).unwrap_or(false)))
 }
 
-/// Renders what a scene file says.
-pub(crate) fn run_scene(path: &Path, report: &Report) -> Outcome<()> {
-    let scene = SceneFile::read(path, std::env::args_os())?;
-    let Some(density) = scene.density() else {
-        return render::run(&scene.args, report);
-    };
-    Job { args: &scene.args, report }.run_grids(1, |_| (path, density(report)))
+/// Renders the density that a scene file names.
+pub(crate) fn run_grid(args: &Render, grid: &scene::Grid, report: &Report) -> Outcome<()> {
+    Job { args, report }.run_grids(1, |_| (grid.file(), grid.density(report)))
 }
 
 /// Renders grids of OpenVDB, one a frame.
@@ -117,7 +106,8 @@ pub(crate) fn run(args: &Render, report: &Report) -> Outcome<()> {
                 report.note(format_args!("tyndall: {}", guesses.join(" · ")));
             }
             let time = particles.time();
-            let metadata = metadata::entries(&sequence, number, time, &job.spheres_settings(), &guesses);
+            let metadata =
+                metadata::of_frame(args, &sequence, number, time, &job.spheres_settings(), &guesses);
             let scene = kept.insert(scene);
             match wanted {
                 [] => Ok(()),
@@ -164,6 +154,15 @@ impl Job<'_> {
         ];
         if let Some((name, _)) = refined.iter().find(|(_, is_given)| *is_given) {
             return Err(Failure::Usage(format!("{name} is for spheres — leave it out with --mode medium")));
+        }
+        let picture = &self.args.picture;
+        layers::asked(picture, &picture.written(0), &Layer::OF_MEDIA)?;
+        if picture.stereo.is_some() {
+            return Err(Failure::Usage("--stereo is for spheres — leave it out, or --mode medium".into()));
+        }
+        if let Some(window) = picture.crop {
+            let [width, height] = picture.pixels();
+            window.check(width, height)?;
         }
         if self.args.look.images().is_some() {
             let text = "--replicate is for spheres — leave it out, or --mode medium";
@@ -215,7 +214,7 @@ impl Job<'_> {
             if kept.is_none() {
                 self.report.note(format_args!("tyndall: {}", guesses.join(" · ")));
             }
-            let metadata = metadata::of_scene(path, &self.spheres_settings(), &guesses);
+            let metadata = metadata::of_grid(self.args, path, &self.spheres_settings(), &guesses);
             let scene = kept.insert(scene);
             match wanted {
                 [] => Ok(()),
@@ -240,12 +239,7 @@ impl Job<'_> {
             let marching = Instant::now();
             let viewpoint = render::viewpoint(self.args)?;
             let camera = picture.camera(self.args, &viewpoint, (&scene.camera, &scene.outline))?;
-            let options = write::ImageOptions {
-                bits: if self.args.picture.bits == "16" { 16 } else { 8 },
-                dpi: self.args.picture.dpi,
-                metadata: metadata.to_vec(),
-                ..write::ImageOptions::default()
-            };
+            let options = self.args.picture.options(metadata::of_picture(metadata.to_vec(), picture));
             let since = if place == 0 { start } else { marching };
             let (image, options) = renderer.picture(&self.view(&camera, scene.origin)?, options)?;
             output.write(&picture.path, &image, &options, || since.elapsed())?;

@@ -16,6 +16,7 @@ use tyndall_io::write::ImageOptions;
 
 use super::args::{CacheName, MethodName, Shown};
 use super::{Job, Scene};
+use crate::layers::Layer;
 use crate::report::{Failure, Outcome, bytes, counted, seconds};
 use crate::values::Background;
 
@@ -104,8 +105,15 @@ impl<'a> Renderer<'a> {
             let values = pixels.iter().map(|pixel| pixel.transmittance[channel]).collect();
             (format!("transmittance.{name}"), values)
         };
-        options.channels = vec![layer("R", 0), layer("G", 1), layer("B", 2)];
-        Ok((image, options))
+        if self.job.args.picture.layers.as_ref().is_none_or(|it| it.contains(&Layer::Transmittance)) {
+            options.channels = vec![layer("R", 0), layer("G", 1), layer("B", 2)];
+        }
+        let Some(window) = self.job.args.picture.crop else { return Ok((image, options)) };
+        // What is scattered in a medium is found for all of the picture.
+        for (_, values) in &mut options.channels {
+            *values = window.cut(image.width, values);
+        }
+        Ok((image.part(window), options))
     }
 
     fn image(&self, view: &View) -> Outcome<(Image, Vec<Pixel>)> {

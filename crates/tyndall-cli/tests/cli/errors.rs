@@ -196,7 +196,7 @@ fn files_that_are_not_there_and_pictures_that_cannot_be() {
     folder.file("a.xyz", line_of(3));
     folder.line("info nothing.xyz").fails(3, &["error[E-io]", "nothing.xyz"]);
     // Refused before the reading: the input is not even looked at.
-    folder.render("nothing.xyz -o a.jpg").fails(2, &["-o cannot be 'a.jpg'", "known: .png .exr"]);
+    folder.render("nothing.xyz -o a.tga").fails(2, &["-o cannot be 'a.tga'", "known: .png .jpg .exr"]);
     folder.render("nothing.xyz -o none/a.png").fails(4, &["none/a.png", "create it first"]);
     folder.render("a.xyz -o .").fails(2, &["-o cannot be"]);
     assert_eq!(folder.names(), ["a.xyz"]);

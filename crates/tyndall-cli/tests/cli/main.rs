@@ -10,8 +10,10 @@ mod errors;
 mod info;
 mod looks;
 mod medium;
+mod outputs;
 mod periodic;
 mod pictures;
+mod scenes;
 mod stop;
 
 use std::ffi::OsStr;

@@ -160,7 +160,7 @@ fn scenes_that_make_no_sense_say_why() {
     for (text, part) in [
         ("[medium]\nalbedo = 1", "neither [grid] nor [particles]"),
         (&SCENE.replace("sample = 'f32'", "sampel = 'f32'"), "sampel"),
-        (&SCENE.replace("albedo", "albdeo"), "--albdeo"),
+        (&SCENE.replace("albedo", "albdeo"), "did you mean 'albedo'?"),
         (&SCENE.replace("'sky'\nradiance", "'moon'\nradiance"), "no light is called 'moon'"),
         ("[grid\n", "line 1"),
     ] {

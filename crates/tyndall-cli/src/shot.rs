@@ -1,0 +1,145 @@
+//! A picture of spheres: all of it, a part, or one for each eye, with the layers that are asked for.
+
+use std::path::Path;
+
+use tyndall::film::{Surface, Window};
+use tyndall::render::estimate::PIXEL_BYTES;
+use tyndall::render::stereo::{Eyes, anaglyph, beside, side_by_side};
+use tyndall::render::{Renderer, Settings};
+use tyndall::scene::Scene;
+use tyndall::scene::camera::Camera;
+use tyndall::{Image, Result};
+use tyndall_io::write;
+
+use crate::args::{self, Stereo};
+use crate::layers::{Channels, Layer, Numbers};
+use crate::report::{Outcome, Report};
+
+/// Pictures of more pixels are written in bands, where the file takes that, so that they need not be in memory.
+const BAND_PIXELS: u64 = 1 << 25;
+/// Pixels of a band, about.
+const PIXELS_AT_ONCE: u64 = 1 << 23;
+/// Pictures of more pixels are too large for cards.
+const CARD_PIXELS: u64 = 1 << 28;
+/// Rows of a band are a multiple of this: of the edge of a film's tile.
+const TILE_ROWS: u32 = 32;
+
+/// Rows that are made at one time of a picture, if it is made in bands: where it is large, or takes more than half of `memory`.
+pub(crate) fn band_rows(picture: &args::Picture, path: &Path, memory: Option<u64>) -> Option<u32> {
+    let [width, height] = picture.pixels();
+    let is_plain = picture.crop.is_none() && picture.stereo.is_none();
+    let fitting = memory.map_or(u64::MAX, |bytes| bytes / (2 * PIXEL_BYTES));
+    let is_large = u64::from(width) * u64::from(height) > BAND_PIXELS.min(fitting);
+    let rows = PIXELS_AT_ONCE.min(fitting / 2) / u64::from(width);
+    let rows = (rows as u32 / TILE_ROWS).max(1) * TILE_ROWS;
+    (is_large && is_plain && write::takes_bands(path)).then_some(rows.min(height))
+}
+
+/// What of a picture cards do not draw, as the command line calls it, if anything of that is wanted.
+pub(crate) fn beyond_cards(args: &args::Render) -> Option<&'static str> {
+    let picture = &args.picture;
+    let [width, height] = picture.pixels();
+    let layers = picture.layers.iter().flatten().any(|layer| layer.is_of_surface());
+    [
+        (picture.crop.is_some(), "--crop"),
+        (picture.stereo.is_some(), "--stereo"),
+        (args.camera.panorama, "--panorama"),
+        (layers, "--layers normal and position"),
+        (u64::from(width) * u64::from(height) > CARD_PIXELS, "pictures of so many pixels"),
+    ]
+    .into_iter()
+    .find_map(|(is_wanted, name)| is_wanted.then_some(name))
+}
+
+/// What makes pictures of a scene.
+pub(crate) struct Shot<'a> {
+    pub(crate) picture: &'a args::Picture,
+    pub(crate) layers: &'a [Layer],
+    pub(crate) numbers: Option<&'a Numbers>,
+    pub(crate) settings: &'a Settings,
+    pub(crate) report: &'a Report,
+    /// Makes a whole picture, on the device that was chosen.
+    pub(crate) whole: &'a dyn Fn(&Scene, &Camera) -> Result<Image>,
+}
+
+impl Shot<'_> {
+    /// The picture, and the channels beside its colors.
+    pub(crate) fn take(&self, scene: &mut Scene, camera: &Camera) -> Outcome<(Image, Channels)> {
+        let Settings { width, height, .. } = *self.settings;
+        let Some(stereo) = self.picture.stereo else {
+            return self.with_layers(scene, camera, self.settings, self.picture.crop);
+        };
+        let eyes = Eyes::new(camera, self.picture.eye_separation.map(f64::from), [width, height])?;
+        let settings = Settings { width: eyes.width, ..*self.settings };
+        let mut of_eye =
+            |eye: usize| self.with_layers(scene, &eyes.cameras[eye], &settings, Some(eyes.windows[eye]));
+        let ((left, mut channels), (right, of_right)) = (of_eye(0)?, of_eye(1)?);
+        let image = match stereo {
+            Stereo::SideBySide => {
+                for ((_, left), (_, right)) in channels.iter_mut().zip(&of_right) {
+                    *left = beside(width, left, right);
+                }
+                side_by_side(&left, &right)
+            }
+            Stereo::Anaglyph => anaglyph(&left, &right),
+        };
+        Ok((image, channels))
+    }
+
+    fn with_layers(
+        &self,
+        scene: &mut Scene,
+        camera: &Camera,
+        settings: &Settings,
+        window: Option<Window>,
+    ) -> Outcome<(Image, Channels)> {
+        let wants_surfaces = self.layers.iter().any(|layer| layer.is_of_surface());
+        let (image, surfaces) = match window {
+            None if !wants_surfaces => ((self.whole)(scene, camera)?, Vec::new()),
+            _ => self.part(scene, camera, settings, window)?,
+        };
+        let mut channels = Vec::new();
+        for &layer in self.layers {
+            if layer.is_of_surface() {
+                channels.extend(layer.of_surfaces(&surfaces));
+            }
+            if let (Layer::Value, Some(numbers)) = (layer, self.numbers) {
+                channels.push(numbers.channel(&image.id));
+            }
+            if let Some(light) = layer.light(&scene.lighting)? {
+                let own = (scene.lighting, scene.background);
+                (scene.lighting, scene.background) = (light, None);
+                let lit = match window {
+                    None => (self.whole)(scene, camera),
+                    Some(_) => self.part(scene, camera, settings, window).map(|(image, _)| image),
+                };
+                (scene.lighting, scene.background) = own;
+                channels.extend(layer.of_colors(&lit?));
+            }
+        }
+        Ok((image, channels))
+    }
+
+    /// A part of a picture, or all of it, with its surfaces.
+    fn part(
+        &self,
+        scene: &Scene,
+        camera: &Camera,
+        settings: &Settings,
+        window: Option<Window>,
+    ) -> Result<(Image, Vec<Surface>)> {
+        let window = window.unwrap_or(Window::whole(settings.width, settings.height));
+        let mut renderer = Renderer::of_window(scene, camera, settings, window)?;
+        renderer.finish(self.report.progress())?;
+        let is_wanted = self.layers.iter().any(|layer| layer.is_of_surface());
+        let surfaces = if is_wanted { renderer.surfaces() } else { Vec::new() };
+        Ok((renderer.image(), surfaces))
+    }
+
+    /// The band of `rows` rows that begins with row `first`.
+    pub(crate) fn band(&self, scene: &Scene, camera: &Camera, first: u32, rows: u32) -> Result<Image> {
+        let Settings { width, height, .. } = *self.settings;
+        let window = Window { x: 0, y: first, width, height: rows.min(height - first) };
+        self.part(scene, camera, self.settings, Some(window)).map(|(image, _)| image)
+    }
+}
