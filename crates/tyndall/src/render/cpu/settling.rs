@@ -28,7 +28,7 @@ impl Film {
     /// Compares all tiles that have got samples with what they were at the last call; those that changed by less than `noise` are settled.
     /// Whether all are.
     pub(crate) fn settle(&mut self, noise: f32) -> bool {
-        let (width, height) = (self.width as usize, self.height as usize);
+        let window = self.window;
         if self.earlier.is_empty() {
             let none = || Earlier { shown: Vec::new(), change_sq: f32::INFINITY };
             self.earlier.resize_with(self.tiles.len(), none);
@@ -39,9 +39,10 @@ impl Film {
             }
             let shown = tile.shown();
             if earlier.shown.len() == FILM_PIXELS {
-                let (x, y) = (tile.x as usize, tile.y as usize);
-                let is_inside =
-                    |pixel: usize| x + pixel % FILM_EDGE < width && y + pixel / FILM_EDGE < height;
+                let is_inside = |pixel: usize| {
+                    let [x, y] = [pixel % FILM_EDGE, pixel / FILM_EDGE].map(|it| it as u32);
+                    window.pixels_of(tile.x + x, tile.y + y, 1) == 1
+                };
                 let mut sum = 0.0_f32;
                 let mut count = 0;
                 for pixel in (0..FILM_PIXELS).filter(|&pixel| is_inside(pixel)) {
@@ -59,7 +60,7 @@ impl Film {
 
     /// What the tiles came to, after [`Self::settle`].
     pub(crate) fn quality(&self) -> Quality {
-        let pixels = |tile: &FilmTile| tile.pixels_within(self.width, self.height) as f32;
+        let pixels = |tile: &FilmTile| self.window.pixels_of(tile.x, tile.y, FILM_EDGE as u32) as f32;
         let all: f32 = self.tiles.iter().map(pixels).sum();
         let errors = self.tiles.iter().zip(&self.earlier).map(|(tile, it)| it.change_sq * pixels(tile));
         let samples = self.tiles.iter().map(|tile| tile.samples);
