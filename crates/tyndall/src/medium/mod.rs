@@ -1,11 +1,14 @@
 //! What a participating medium is: particles become a density on a grid, and light is absorbed and scattered in it.
 //!
 //! [`Medium`] takes a [`Grid`] of density and how matter of density 1 meets light; extinction and albedo are RGB. Its box and
-//! all positions are measured from the particles' origin. Invariant: albedo within 0 and 1, extinction finite and at least 0.
+//! all positions are measured from the particles' origin. Invariant: albedo within 0 and 1, extinction finite and at least 0; what
+//! only adds its light does not scatter.
 
 pub mod automatic;
+pub mod black_body;
 mod cells;
 pub mod density;
+pub mod emission;
 mod environment;
 pub mod grid;
 pub mod kernel;
@@ -13,8 +16,12 @@ pub mod light;
 pub mod noise;
 pub mod optics;
 
+use glam::Vec3;
+
 use crate::error::{Error, Result};
 use crate::math::Bounds;
+pub use black_body::BlackBody;
+pub use emission::Emission;
 pub use grid::Grid;
 pub use kernel::Kernel;
 pub use light::Light;
@@ -27,6 +34,7 @@ pub struct Medium {
     density: Grid,
     optics: Optics,
     bounds: Bounds,
+    emission: Option<Emission>,
 }
 
 /// How matter meets light.
@@ -67,7 +75,18 @@ impl Medium {
             return Err(Error::setting("extinction", format!("{extinction:?}"), allowed));
         }
         let bounds = occupied(&density);
-        Ok(Self { density, optics, bounds })
+        Ok(Self { density, optics, bounds, emission: None })
+    }
+
+    /// The same medium, giving off light. Fails with [`Error::Setting`] if the field of the emission is on another lattice, or if it is
+    /// additive and the medium scatters.
+    pub fn with_emission(self, emission: Emission) -> Result<Self> {
+        emission.check(&self.density)?;
+        if emission.is_additive() && self.optics.albedo != [0.0; 3] {
+            let albedo = format!("{:?}", self.optics.albedo);
+            return Err(Error::setting("albedo", albedo, "0 where light is only added"));
+        }
+        Ok(Self { emission: Some(emission), ..self })
     }
 
     /// Mass per volume, on a grid.
@@ -78,6 +97,31 @@ impl Medium {
     /// How its matter meets light.
     pub fn optics(&self) -> &Optics {
         &self.optics
+    }
+
+    /// The light that it gives off.
+    pub fn emission(&self) -> Option<&Emission> {
+        self.emission.as_ref()
+    }
+
+    /// Whether light leaves as if there were no matter on its way: see [`Emission::additive`].
+    pub fn is_additive(&self) -> bool {
+        self.emission.as_ref().is_some_and(Emission::is_additive)
+    }
+
+    /// What radiance of thick matter is multiplied with to be what is added per extinction: the share that absorbs.
+    #[inline(always)]
+    pub(crate) fn emitting_share(&self) -> Vec3 {
+        Vec3::ONE - Vec3::from(self.optics.albedo)
+    }
+
+    /// RGB radiance that is given off at a point, per extinction.
+    #[inline]
+    pub(crate) fn emitted(&self, at: Vec3) -> Vec3 {
+        match &self.emission {
+            Some(emission) => self.emitting_share() * emission.radiance(at),
+            None => Vec3::ZERO,
+        }
     }
 
     /// The box of the bricks that hold any density; empty without any.
@@ -105,7 +149,6 @@ fn occupied(density: &Grid) -> Bounds {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use glam::Vec3;
 
     const OPTICS: Optics = Optics { extinction: [1.0; 3], albedo: [0.9; 3], phase: Phase::ISOTROPIC };
 

@@ -27,7 +27,7 @@ impl<'a> BruteForce<'a> {
         Self { tracker: Tracker::new(medium), lights, photons, order }
     }
 
-    /// The radiance that scattering adds at a point, per extinction, against `direction`.
+    /// The radiance that scattering and emission add at a point, per extinction, against `direction`.
     pub(super) fn scattered(&self, at: Vec3, direction: Vec3, stream: &mut Stream) -> Vec3 {
         let optics = self.tracker.medium().optics();
         let mut sum = Vec3::ZERO;
@@ -42,6 +42,6 @@ impl<'a> BruteForce<'a> {
         for (weight, coefficient) in weights.into_iter().zip(coefficients) {
             sum += weight * coefficient;
         }
-        Vec3::from(optics.albedo) * sum
+        Vec3::from(optics.albedo) * sum + self.tracker.medium().emitted(at)
     }
 }

@@ -1,6 +1,6 @@
 //! The illumination cache: light that reaches the medium, kept at the samples of lattices of its own, from which the march takes it.
 //!
-//! Takes a medium and its lights, gives for any point and direction the radiance that scattering adds there per extinction. Lights
+//! Takes a medium and its lights, gives for any point and direction the radiance that scattering and emission add there per extinction. Lights
 //! without extent are looked up through the medium between them and the point (`columns.rs`); what comes from the sky or was
 //! scattered before is one smooth field in spherical harmonics, by sweeps without noise (`diffuse.rs`) or from photons
 //! (`gather.rs`). It does not depend on the camera: it is kept for as many views as one likes.
@@ -31,7 +31,7 @@ pub struct Settings {
     /// would be more than 4 million.
     pub spacing: Option<f32>,
     /// Distance of the samples that hold what is smooth: the light of the sky and that scattered before; `None`: twice the one
-    /// above, or more where these would be more than half a million.
+    /// above, in a medium that emits just that, or more where these would be more than half a million.
     pub diffuse_spacing: Option<f32>,
     /// Directions in which light travels; 8 to 4096.
     pub directions: u32,
@@ -130,6 +130,19 @@ impl Channels {
             }
             common = Some(color);
         }
+        if let Some(emission) = medium.emission() {
+            match emission.one_radiance() {
+                None => return Self::Three,
+                Some(Vec3::ZERO) => {}
+                Some(radiance) => {
+                    let color = radiance / radiance.max_element();
+                    if common.is_some_and(|common| !common.abs_diff_eq(color, 1e-6)) {
+                        return Self::Three;
+                    }
+                    common = Some(color);
+                }
+            }
+        }
         let color = common.unwrap_or(Vec3::ONE);
         Self::One(color.max_position(), color)
     }
@@ -167,7 +180,7 @@ impl Cache {
     /// All but the near lights at the samples of the density, as it is seen in a view, or from anywhere.
     fn lit(&self, medium: &Medium, view: Option<&View>) -> Lit {
         let grid = medium.density();
-        let seen = Seen { cache: self, lattice: grid.lattice(), view };
+        let seen = Seen { cache: self, medium, lattice: grid.lattice(), view };
         match self.channels {
             Channels::One(channel, color) => Lit::Grey(LitBricks::new(grid, &seen), Hue { channel, color }),
             Channels::Three => Lit::Colored(LitBricks::new(grid, &seen)),
@@ -262,6 +275,7 @@ impl Direct {
 /// The light of a cache at the samples of the density.
 struct Seen<'a> {
     cache: &'a Cache,
+    medium: &'a Medium,
     lattice: Lattice,
     view: Option<&'a View>,
 }
@@ -316,8 +330,15 @@ impl<L: Spectrum> Lights<L> for Seen<'_> {
             Channels::One(channel, _) => channel,
             Channels::Three => 0,
         };
-        for (light, sum) in row.iter_mut().zip(sums) {
-            *light = L::of(albedo * sum, channel);
+        let share = self.medium.emitting_share();
+        for (place, (light, sum)) in row.iter_mut().zip(sums).enumerate() {
+            let mut sum = albedo * sum;
+            if let Some(emission) = self.medium.emission() {
+                let [i, j, k] = self.lattice.size.map(|count| count - 1);
+                let at = [i.min(first[0] + place as u32), j.min(first[1]), k.min(first[2])];
+                sum += share * emission.sample(at);
+            }
+            *light = L::of(sum, channel);
         }
     }
 }

@@ -1,4 +1,4 @@
-//! Radiance that reaches a medium from the sky or by scattering, solved without noise: sweeps along many directions, repeated until
+//! Radiance that reaches a medium from the sky, from its own glowing matter or by scattering, solved without noise: sweeps along many directions, repeated until
 //! scattering in is in balance with what was scattered, first on a coarse lattice, then on finer ones.
 //!
 //! Takes the density on lattices from fine to coarse, and what lights without extent add by their first scattering. Gives
@@ -34,6 +34,8 @@ pub(super) struct Level {
     pub(super) density: Field,
     /// Coefficients of the radiance of lights without extent, before any scattering.
     pub(super) direct: Vec<Vec<f32>>,
+    /// The first coefficient of what matter emits per extinction, if it does.
+    pub(super) emitted: Option<Vec<f32>>,
 }
 
 /// When a solve is good enough.
@@ -81,13 +83,22 @@ pub(super) fn solve(
     Ok(fields(levels[0].density.lattice, radiance))
 }
 
-/// Coefficients of the radiance of the sky alone, before any scattering.
-pub(super) fn sky(channel: Channel, density: &Field, ordinates: &[Ordinate]) -> Vec<Field> {
-    let dark: Radiance = (0..count(channel.order)).map(|_| pages::zeros(density.values.len())).collect();
-    if ordinates.iter().all(|ordinate| ordinate.inflow == 0.0) {
-        return fields(density.lattice, dark);
+/// Coefficients of the radiance of the sky and of what is `emitted` (as in [`Level`]), before any scattering.
+pub(super) fn sky(
+    channel: Channel,
+    density: &Field,
+    ordinates: &[Ordinate],
+    emitted: Option<Vec<f32>>,
+) -> Vec<Field> {
+    let mut source: Radiance =
+        (0..count(channel.order)).map(|_| pages::zeros(density.values.len())).collect();
+    if emitted.is_none() && ordinates.iter().all(|ordinate| ordinate.inflow == 0.0) {
+        return fields(density.lattice, source);
     }
-    fields(density.lattice, sweeper(channel, density).sweep(ordinates, &dark))
+    if let Some(emitted) = emitted {
+        source[0] = emitted;
+    }
+    fields(density.lattice, sweeper(channel, density).sweep(ordinates, &source))
 }
 
 /// Coefficients of radiance at the samples of a lattice.
@@ -125,11 +136,15 @@ impl<'a> Solver<'a> {
         vec![vec![0.0; self.levels[place].density.values.len()]; count(self.channel.order)]
     }
 
-    /// The radiance after one more scattering, with that of the lights.
+    /// The radiance after one more scattering, with that of the lights and of the matter.
     fn lit(&self, place: usize, radiance: &Radiance) -> Radiance {
         let mut arriving = radiance.clone();
         add(&mut arriving, &self.levels[place].direct);
-        self.sweepers[place].sweep(self.ordinates, &self.scattered(arriving))
+        let mut source = self.scattered(arriving);
+        if let Some(emitted) = &self.levels[place].emitted {
+            source[0].iter_mut().zip(emitted).for_each(|(sum, it)| *sum += it);
+        }
+        self.sweepers[place].sweep(self.ordinates, &source)
     }
 
     /// The radiance after one more scattering.

@@ -3,7 +3,7 @@
 //! A field's lattice goes [`PADDING`] samples beyond the samples of the grid on every side, where there is no medium, so that a
 //! solver finds its boundary conditions there. Coarser fields are sums weighted by tents: they keep the total.
 
-use glam::{UVec3, Vec3};
+use glam::{IVec3, UVec3, Vec3};
 use rayon::prelude::*;
 
 use crate::medium::Grid;
@@ -39,6 +39,49 @@ impl Field {
             return resample(grid.lattice(), lattice_over(grid, grid.spacing()), row).interpolated(lattice);
         }
         resample(grid.lattice(), lattice, row)
+    }
+
+    /// The product of a density and another field on the same lattice, at the samples of a lattice made by [`lattice_over`].
+    pub(super) fn product(grid: &Grid, other: &Grid, lattice: Lattice) -> Self {
+        let row = |j: u32, k: u32, row: &mut [f32]| {
+            grid.row([j, k], row);
+            for (i, value) in (0..).zip(row) {
+                if *value > 0.0 {
+                    *value *= other.value(i, j, k);
+                }
+            }
+        };
+        if lattice.spacing < 0.999 * grid.spacing() {
+            return resample(grid.lattice(), lattice_over(grid, grid.spacing()), row).interpolated(lattice);
+        }
+        resample(grid.lattice(), lattice, row)
+    }
+
+    /// This field of products over their weights: the mean at each sample. Beside samples with weight that without one has the mean of
+    /// its neighbors, further away 0.
+    pub(super) fn over(&self, weights: &Self) -> Self {
+        let lattice = self.lattice;
+        let [width, height, depth] = lattice.size.map(|it| it as i32);
+        let mean = |place: usize| self.values[place] / weights.values[place];
+        let value = |place: usize| {
+            if weights.values[place] > 0.0 {
+                return mean(place);
+            }
+            let at = IVec3::from_array(sample(&lattice, place).map(|it| it as i32));
+            let (mut sum, mut count) = (0.0, 0);
+            for step in (0..27).map(|k| IVec3::new(k % 3 - 1, k / 3 % 3 - 1, k / 9 - 1)) {
+                let near = at + step;
+                let inside = near.cmpge(IVec3::ZERO).all();
+                if inside && near.cmplt(IVec3::new(width, height, depth)).all() {
+                    let place = ((near.z * height + near.y) as usize) * width as usize + near.x as usize;
+                    if weights.values[place] > 0.0 {
+                        (sum, count) = (sum + mean(place), count + 1);
+                    }
+                }
+            }
+            sum / count.max(1) as f32
+        };
+        Self { lattice, values: (0..self.values.len()).into_par_iter().map(value).collect() }
     }
 
     /// The same total on a coarser lattice over the same samples; interpolated if it is not coarser.

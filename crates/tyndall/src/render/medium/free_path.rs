@@ -97,7 +97,9 @@ pub struct Tracker<'a> {
 impl<'a> Tracker<'a> {
     /// For flights through `medium`.
     pub fn new(medium: &'a Medium) -> Self {
-        let extinction = Vec3::from(medium.optics().extinction);
+        // Light that is only added meets nothing on its way.
+        let extinction = if medium.is_additive() { [0.0; 3] } else { medium.optics().extinction };
+        let extinction = Vec3::from(extinction);
         let is_grey = extinction.min_element() == extinction.max_element();
         Self { medium, extinction, greatest: extinction.max_element(), is_grey }
     }

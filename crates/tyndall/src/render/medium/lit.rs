@@ -1,7 +1,7 @@
 //! What the march looks up: density and light side by side, at the samples of the density's bricks.
 //!
 //! Takes a grid and what gives light to a point; a look-up reads four rows of one brick and gives both at once. Light is the
-//! radiance that scattering adds per extinction; the three colors of it, or one that they are multiples of. Invariant: where the
+//! radiance that scattering and emission add per extinction; the three colors of it, or one that they are multiples of. Invariant: where the
 //! density is not 0, so is an entry; elsewhere the entry says how many bricks it is at least to the next one that is not empty.
 
 use bytemuck::Pod;

@@ -1,7 +1,7 @@
 //! The march: along each ray front to back through the bricks that hold something, light taken from the cache.
 //!
 //! Takes a medium, the light in it and a view; adds samples to every pixel in passes. A ray is cut into steps of one length; in
-//! each, extinction and light are those of one point, and the light scattered from it is integrated exactly. Where on the first
+//! each, extinction and light are those of one point, and the light that comes from it is integrated exactly. Where on the first
 //! step the points lie is drawn for each sample (one sample alone takes the middle), so that steps leave noise and no bands.
 //! Invariant: the same seed gives the same bits for any number of threads.
 
@@ -15,7 +15,7 @@ use rayon::prelude::*;
 use super::brute::BruteForce;
 use super::cache::{Cache, Lit};
 use super::lit::{LitBricks, Spectrum};
-use super::packet::{self, Gathered, Paths};
+use super::packet::{self, Gathered, Matter, Paths};
 use super::space::Space;
 use super::walk::Path;
 use crate::error::{Error, Result};
@@ -51,7 +51,7 @@ impl Default for Settings {
 /// A pixel of a marched picture: means over its samples.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Pixel {
-    /// RGB radiance that the medium scatters to the camera.
+    /// RGB radiance that the medium scatters and emits to the camera.
     pub scattered: Vec3,
     /// RGB radiance of the environment lights that comes through the medium.
     pub environment: Vec3,
@@ -218,11 +218,11 @@ impl<'a> March<'a> {
         let through = match &self.light {
             Source::Cached(cache, lit) => match &**lit {
                 Lit::Grey(bricks, hue) => {
-                    let walk = self.cached(&ray, start, Walk::new(hue.channel), (cache, bricks));
+                    let walk = self.cached(&ray, start, self.walk(hue.channel), (cache, bricks));
                     walk.add_to(sums, hue.color)
                 }
                 Lit::Colored(bricks) => {
-                    self.cached(&ray, start, Walk::new(0), (cache, bricks)).add_to(sums, Vec3::ONE)
+                    self.cached(&ray, start, self.walk(0), (cache, bricks)).add_to(sums, Vec3::ONE)
                 }
             },
             Source::BruteForce(brute) => {
@@ -265,15 +265,16 @@ impl<'a> March<'a> {
             }
         }
         let extinction = Vec3::from(self.medium.optics().extinction) * self.step();
+        let additive = self.medium.is_additive();
         match lit {
             Lit::Grey(bricks, hue) => {
-                let extinction = [extinction[hue.channel]];
-                let found = packet::march::<_, _, 1, 2>(simd, &paths, bricks, self.step(), extinction);
+                let matter = Matter { extinction: [extinction[hue.channel]], additive };
+                let found = packet::march::<_, _, 1, 2>(simd, &paths, bricks, self.step(), &matter);
                 self.add_packet(&found, hue.color, &directions, sums);
             }
             Lit::Colored(bricks) => {
-                let extinction = extinction.to_array();
-                let found = packet::march::<_, _, 3, 4>(simd, &paths, bricks, self.step(), extinction);
+                let matter = Matter { extinction: extinction.to_array(), additive };
+                let found = packet::march::<_, _, 3, 4>(simd, &paths, bricks, self.step(), &matter);
                 self.add_packet(&found, Vec3::ONE, &directions, sums);
             }
         }
@@ -337,7 +338,7 @@ impl<'a> March<'a> {
 
     /// Along a ray with light that is found at every step.
     fn brute(&self, ray: &Ray, start: f32, brute: &BruteForce, mut stream: Stream) -> Walk<Vec3> {
-        let mut walk = Walk::new(0);
+        let mut walk = self.walk(0);
         let extinction = Vec3::from(self.medium.optics().extinction) * self.step();
         let Some(mut crossing) = self.crossing(ray, start) else { return walk };
         while let Some((distance, _)) = crossing.next(&self.space) {
@@ -353,6 +354,19 @@ impl<'a> March<'a> {
             }
         }
         walk
+    }
+
+    /// Nothing gathered yet; `channel` stands for all where there is one color.
+    #[inline(always)]
+    fn walk<L: Spectrum>(&self, channel: usize) -> Walk<L> {
+        Walk {
+            channel,
+            additive: self.medium.is_additive(),
+            transmittance: L::splat(1.0),
+            scattered: L::splat(0.0),
+            depth: 0.0,
+            lost: 0.0,
+        }
     }
 
     /// The steps along a ray; `None` if it misses the medium.
@@ -432,6 +446,8 @@ fn sample_band<S: Simd>(simd: S, march: &March, first: u32, sums: &mut [Sums]) {
 struct Walk<L> {
     /// The channel that stands for all where there is one color.
     channel: usize,
+    /// Whether nothing is absorbed.
+    additive: bool,
     transmittance: L,
     scattered: L,
     depth: f32,
@@ -439,17 +455,15 @@ struct Walk<L> {
 }
 
 impl<L: Spectrum> Walk<L> {
-    #[inline(always)]
-    fn new(channel: usize) -> Self {
-        Self { channel, transmittance: L::splat(1.0), scattered: L::splat(0.0), depth: 0.0, lost: 0.0 }
-    }
-
     /// One step of that optical thickness and light, at the distance `t`.
     #[inline(always)]
     fn step(&mut self, thickness: L, light: L, t: f32) {
-        let through = self.transmittance * thickness.exp_minus();
-        let lost = self.transmittance + through * -1.0;
-        self.transmittance = through;
+        let mut lost = thickness;
+        if !self.additive {
+            let through = self.transmittance * thickness.exp_minus();
+            lost = self.transmittance + through * -1.0;
+            self.transmittance = through;
+        }
         self.scattered = self.scattered + lost * light;
         let lost = lost.sum();
         self.depth += lost * t;

@@ -11,6 +11,7 @@ mod diffuse;
 mod field;
 pub mod free_path;
 pub mod gather;
+mod glowing;
 mod harmonics;
 mod lit;
 pub mod march;

@@ -48,6 +48,14 @@ impl Paths {
     }
 }
 
+/// What a step meets.
+pub(super) struct Matter<const C: usize> {
+    /// Extinction of density 1 over the length of the step, of each color.
+    pub(super) extinction: [f32; C],
+    /// Whether nothing is absorbed: see [`crate::medium::Emission::additive`].
+    pub(super) additive: bool,
+}
+
 /// What sixteen rays have gathered, of `C` colors.
 pub(super) struct Gathered<const C: usize> {
     pub(super) transmittance: [[f32; RAYS]; C],
@@ -67,14 +75,14 @@ pub(super) fn rgb<const C: usize>(colors: &[[f32; RAYS]; C], lane: usize) -> Vec
 type Corners = [[[[f32; FOUR]; RAYS]; 2]; 4];
 const FOUR: usize = 4;
 
-/// Marches along sixteen paths in steps of one length. `V` is one more than the `C` colors; `extinction` is that of a step.
+/// Marches along sixteen paths in steps of one length. `V` is one more than the `C` colors; `matter` is that of a step.
 #[simd]
 pub(super) fn march<S: Simd, L: Spectrum, const C: usize, const V: usize>(
     simd: S,
     paths: &Paths,
     bricks: &LitBricks<L>,
     step: f32,
-    extinction: [f32; C],
+    matter: &Matter<C>,
 ) -> Gathered<C> {
     const { assert!(V == C + 1 && (2 * V).is_multiple_of(FOUR) && size_of::<L::Sample>() == V * size_of::<f32>()) };
     let zero = f32x16::splat(simd, 0.0);
@@ -134,10 +142,15 @@ pub(super) fn march<S: Simd, L: Spectrum, const C: usize, const V: usize>(
         let holds = filled & density.simd_gt(zero);
         let (mut most, mut lost_here) = (zero, zero);
         for color in 0..C {
-            let thickness = (f32x16::splat(simd, extinction[color]) * density).to_array();
-            let through = transmittance[color] * f32x16::load_array(simd, exponentials(thickness));
-            let lost = holds.select(transmittance[color] - through, zero);
-            transmittance[color] = holds.select(through, transmittance[color]);
+            let thickness = f32x16::splat(simd, matter.extinction[color]) * density;
+            let mut lost = thickness;
+            if !matter.additive {
+                let rest = f32x16::load_array(simd, exponentials(thickness.to_array()));
+                let through = transmittance[color] * rest;
+                lost = transmittance[color] - through;
+                transmittance[color] = holds.select(through, transmittance[color]);
+            }
+            let lost = holds.select(lost, zero);
             scattered[color] += lost * holds.select(values[1 + color], zero);
             most = most.max(transmittance[color]);
             lost_here += lost;

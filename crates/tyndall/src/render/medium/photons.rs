@@ -1,4 +1,4 @@
-//! Photons: from the lights through the medium, stored where they scatter.
+//! Photons: from the lights and from glowing matter through the medium, stored where they scatter.
 //!
 //! Takes a medium and its lights, gives positions, directions of travel and RGB power. A stored photon's power is what is
 //! scattered there: the sum of `power * phase(cosine)` over the photons of a small ball, over its volume, is the radiance that
@@ -14,8 +14,9 @@ use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
 use super::free_path::{FreePath, Tracker};
+use super::glowing::Glowing;
 use crate::error::{Error, Result};
-use crate::math::Ray;
+use crate::math::{Bounds, Ray};
 use crate::medium::light::Emission;
 use crate::medium::{Light, Medium};
 use crate::progress::Progress;
@@ -41,7 +42,7 @@ pub struct Settings {
 pub enum Stored {
     /// Every one.
     All,
-    /// Those after the first: single scattering is computed in another way.
+    /// Those after the first, whose light is found in another way; of what the medium emits every one.
     Multiple,
 }
 
@@ -92,7 +93,9 @@ pub fn trace(
     }
     progress.begin("photons", Some(settings.count), "photons");
     let tracer = Tracer { tracker: Tracker::new(medium), settings };
-    let chunks = tracer.chunks(lights);
+    let glowing = Glowing::new(medium);
+    let lights = lights.iter().map(Emitter::Light).chain(glowing.iter().map(Emitter::Matter));
+    let chunks = tracer.chunks(lights.collect());
     let available_bytes = settings.memory_bytes.unwrap_or(u64::MAX);
     let [emitted, stored] = [AtomicU64::new(0), AtomicU64::new(0)];
     let fits = || STORED_BYTES.saturating_mul(stored.load(Relaxed)) <= available_bytes;
@@ -126,9 +129,32 @@ pub fn trace(
     Ok(Photons::join(traced))
 }
 
+/// What emits photons.
+#[derive(Clone, Copy)]
+enum Emitter<'a> {
+    Light(&'a Light),
+    Matter(&'a Glowing<'a>),
+}
+
+impl Emitter<'_> {
+    fn power(&self, bounds: &Bounds) -> Vec3 {
+        match self {
+            Self::Light(light) => light.power(bounds),
+            Self::Matter(glowing) => glowing.power(),
+        }
+    }
+
+    fn emit(&self, bounds: &Bounds, stream: &mut Stream) -> Emission {
+        match self {
+            Self::Light(light) => light.emit(bounds, std::array::from_fn(|_| stream.unit())),
+            Self::Matter(glowing) => glowing.emit(stream),
+        }
+    }
+}
+
 /// Photons of one light.
 struct Chunk<'a> {
-    light: &'a Light,
+    emitter: Emitter<'a>,
     /// Numbers of the photons, of all lights.
     first: u64,
     end: u64,
@@ -143,19 +169,19 @@ struct Tracer<'a> {
 
 impl Tracer<'_> {
     /// The work: every light with power gets its share of the photons, at least one.
-    fn chunks<'a>(&self, lights: &'a [Light]) -> Vec<Chunk<'a>> {
+    fn chunks<'a>(&self, emitters: Vec<Emitter<'a>>) -> Vec<Chunk<'a>> {
         let bounds = self.tracker.medium().bounds();
         let powers: Vec<f64> =
-            lights.iter().map(|light| f64::from(light.power(&bounds).element_sum())).collect();
+            emitters.iter().map(|emitter| f64::from(emitter.power(&bounds).element_sum())).collect();
         let total: f64 = powers.iter().sum();
         let mut chunks = Vec::new();
         let mut first = 0;
-        for (light, power) in lights.iter().zip(powers).filter(|(_, power)| *power > 0.0) {
+        for (emitter, power) in emitters.into_iter().zip(powers).filter(|(_, power)| *power > 0.0) {
             let of = ((self.settings.count as f64 * power / total).round() as u64).max(1);
             let starts = (first..first + of).step_by(CHUNK as usize);
             chunks.extend(starts.map(|start| {
                 let end = (start + CHUNK).min(first + of);
-                Chunk { light, first: start, end, of }
+                Chunk { emitter, first: start, end, of }
             }));
             first += of;
         }
@@ -167,18 +193,25 @@ impl Tracer<'_> {
         let mut photons = Photons { emitted: chunk.end - chunk.first, ..Photons::default() };
         for number in chunk.first..chunk.end {
             let mut stream = Stream::new(u64::from(self.settings.seed), number);
-            let random = std::array::from_fn(|_| stream.unit());
-            let mut emission = chunk.light.emit(&bounds, random);
+            let mut emission = chunk.emitter.emit(&bounds, &mut stream);
             emission.power /= chunk.of as f32;
             if emission.power != Vec3::ZERO {
-                self.follow(emission, &mut stream, &mut photons);
+                let stores_first =
+                    self.settings.stored == Stored::All || matches!(chunk.emitter, Emitter::Matter(_));
+                self.follow(emission, stores_first, &mut stream, &mut photons);
             }
         }
         photons
     }
 
     /// Follows a photon to its end; gives the direction in which it left, `None` if it was absorbed.
-    fn follow(&self, emission: Emission, stream: &mut Stream, photons: &mut Photons) -> Option<Vec3> {
+    fn follow(
+        &self,
+        emission: Emission,
+        stores_first: bool,
+        stream: &mut Stream,
+        photons: &mut Photons,
+    ) -> Option<Vec3> {
         let optics = self.tracker.medium().optics();
         let albedo = Vec3::from(optics.albedo);
         let Emission { mut origin, mut direction, mut power } = emission;
@@ -193,7 +226,7 @@ impl Tracer<'_> {
             origin += distance * direction;
             photons.interactions += 1;
             let scattered = power * albedo;
-            if !is_first || self.settings.stored == Stored::All {
+            if !is_first || stores_first {
                 photons.stored.push(Photon { position: origin, direction, power: scattered });
             }
             is_first = false;

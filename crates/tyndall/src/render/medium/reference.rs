@@ -3,8 +3,8 @@
 //! Takes a medium, its lights and a view; adds samples to every pixel in passes. Along the camera's ray the column is integrated
 //! exactly, so that what comes through has no noise, and first scatterings are drawn from the part that does not come through.
 //! From there null collisions find the next scattering; at each one, the lights without extent are looked at through an
-//! estimated transmittance, and an image of the sky both by its own and by the phase function's directions. There is no limit of
-//! orders: paths end by Russian roulette. Invariant: with a right free path and all orders the expected value of every pixel is its radiance;
+//! estimated transmittance, and an image of the sky both by its own and by the phase function's directions; what matter emits is
+//! added where a path meets it. There is no limit of orders: paths end by Russian roulette. Invariant: with a right free path and all orders the expected value of every pixel is its radiance;
 //! the same seed gives the same bits for any number of threads.
 //!
 //! Sources: J. Novak, I. Georgiev, J. Hanika, W. Jarosz, "Monte Carlo methods for volumetric light transport simulation",
@@ -43,7 +43,7 @@ pub struct Settings {
 /// A pixel of a reference picture: means over its samples, RGB.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Pixel {
-    /// Radiance that the medium scatters to the camera.
+    /// Radiance that the medium scatters and emits to the camera.
     pub scattered: Vec3,
     /// Radiance of the environment lights that comes through the medium.
     pub environment: Vec3,
@@ -142,7 +142,10 @@ impl<'a> Reference<'a> {
         self.tracker.cross(&ray, crossing);
         let transmittance = self.tracker.through(crossing.column);
         let mut pixel = Pixel { scattered: Vec3::ZERO, environment: transmittance * behind, transmittance };
-        if transmittance == Vec3::ONE || self.settings.orders == Some(0) {
+        if self.tracker.medium().is_additive() {
+            pixel.scattered = self.tracker.added(&ray);
+        }
+        if transmittance == Vec3::ONE {
             return pixel;
         }
         for path in sample * PATHS..(sample + 1) * PATHS {
@@ -158,16 +161,21 @@ impl<'a> Reference<'a> {
         pixel
     }
 
-    /// The radiance of a path whose first scattering is at the origin of `ray`, coming along its direction from the camera.
+    /// The radiance of a path that first meets matter at the origin of `ray`, coming along its direction from the camera.
     fn path(&self, ray: Ray, weight: Vec3, random: [f32; 2], stream: &mut Stream) -> Vec3 {
-        let optics = self.tracker.medium().optics();
+        let medium = self.tracker.medium();
+        let optics = medium.optics();
         let albedo = Vec3::from(optics.albedo);
         let (mut at, mut direction) = (ray.origin, ray.direction);
         let mut throughput = weight;
         let mut radiance = Vec3::ZERO;
         let mut random = random;
-        let mut order = 1;
+        let mut scatterings = 0;
         loop {
+            radiance += throughput * medium.emitted(at);
+            if self.settings.orders.is_some_and(|orders| scatterings >= orders) {
+                return radiance;
+            }
             throughput *= albedo;
             // Looks at the lights.
             radiance += throughput * self.direct(at, direction, stream);
@@ -188,10 +196,9 @@ impl<'a> Reference<'a> {
                     let density = optics.phase.evaluate(before.dot(direction));
                     return radiance + throughput * self.lights.left_over(direction, density);
                 }
-                Some(_) if self.settings.orders.is_some_and(|orders| order >= orders) => return radiance,
                 Some(distance) => at += distance * direction,
             }
-            order += 1;
+            scatterings += 1;
             random = [stream.unit(), stream.unit()];
         }
     }

@@ -19,6 +19,8 @@ use crate::medium::{Grid, Light, Medium, Noise, NoiseSettings, Optics, Phase};
 use crate::random::Stream;
 use crate::scene::camera::{Camera, Projection, View};
 
+mod emission;
+
 const PI: f32 = std::f32::consts::PI;
 
 /// A cube of edge 2 around the origin, of that extinction, sampled finely.

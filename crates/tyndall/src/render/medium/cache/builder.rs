@@ -78,8 +78,10 @@ impl<'a> Builder<'a> {
             }
         }
         let spacing = settings.spacing.unwrap_or_else(|| spacing(grid, grid.spacing(), MOST_SAMPLES[0]));
+        // Matter that glows is brightest beside itself.
+        let steps = if medium.emission().is_some() { 1.0 } else { 2.0 };
         let smooth =
-            settings.diffuse_spacing.unwrap_or_else(|| self::spacing(grid, 2.0 * spacing, MOST_SAMPLES[1]));
+            settings.diffuse_spacing.unwrap_or_else(|| self::spacing(grid, steps * spacing, MOST_SAMPLES[1]));
         let mut lattices = vec![lattice_over(grid, smooth)];
         while let Some(last) = lattices.last().filter(|it| it.sample_count() > COARSEST) {
             lattices.push(lattice_over(grid, 2.0 * last.spacing));
@@ -125,11 +127,21 @@ impl<'a> Builder<'a> {
 
     /// Coefficients of the light of the sky and of that scattered before, in each channel that is solved.
     pub(super) fn smooth(&self, direct: &[Direct], multiple: Multiple) -> Result<Vec<Vec<Field>>> {
+        if self.medium.optics().albedo == [0.0; 3] {
+            return self.each_channel(|_| Ok(self.dark()));
+        }
         if multiple == Multiple::Sweeps {
             return self.each_channel(|channel| self.diffuse(direct, channel));
         }
         let density = self.density.coarsened(self.lattices[0]);
-        let sky = |channel| diffuse::sky(self.channel(channel), &density, &self.inflow(channel));
+        let sky = |channel| {
+            // Photons bring what is emitted.
+            let emitted = match multiple {
+                Multiple::Photons(..) => None,
+                _ => self.emitted(channel, &density),
+            };
+            diffuse::sky(self.channel(channel), &density, &self.inflow(channel), emitted)
+        };
         let mut fields = self.each_channel(|channel| Ok(sky(channel)))?;
         if let Multiple::Photons(settings, radius, passes) = multiple {
             let gathered = self.gathered(&settings, radius, passes, &self.channels.solved())?;
@@ -160,9 +172,10 @@ impl<'a> Builder<'a> {
 
     /// The same by sweeps, in one channel.
     fn diffuse(&self, direct: &[Direct], channel: usize) -> Result<Vec<Field>> {
-        let level = |&lattice: &Lattice| Level {
-            density: self.density.coarsened(lattice),
-            direct: self.unscattered(direct, channel, lattice),
+        let level = |&lattice: &Lattice| {
+            let density = self.density.coarsened(lattice);
+            let emitted = self.emitted(channel, &density);
+            Level { direct: self.unscattered(direct, channel, lattice), density, emitted }
         };
         let levels: Vec<Level> = self.lattices.iter().map(level).collect();
         diffuse::solve(self.channel(channel), &levels, &self.inflow(channel), ACCURACY, self.progress)
@@ -194,6 +207,29 @@ impl<'a> Builder<'a> {
             radius = map.shrunk(pass);
         }
         Ok(means)
+    }
+
+    /// Coefficients of no light at all.
+    fn dark(&self) -> Vec<Field> {
+        let lattice = self.lattices[0];
+        let field = |_| Field { lattice, values: pages::zeros(lattice.sample_count() as usize) };
+        (0..count(self.order)).map(field).collect()
+    }
+
+    /// The radiance that is emitted per extinction at the samples of a density on a coarse lattice, as the first coefficient: means
+    /// weighted by density, so that all that is emitted is on any lattice. `None` if nothing is.
+    fn emitted(&self, channel: usize, density: &Field) -> Option<Vec<f32>> {
+        let emission = self.medium.emission()?;
+        let [even, ..] = harmonics::evaluate(Vec3::Z);
+        let share = self.medium.emitting_share()[channel] / even;
+        let Some(glow) = emission.channel(channel) else {
+            let radiance = emission.one_radiance().map_or(0.0, |it| it[channel]);
+            return Some(vec![share * radiance; density.values.len()]);
+        };
+        let product = Field::product(self.medium.density(), glow, self.density.lattice);
+        let mut emitted = product.coarsened(density.lattice).over(density).values;
+        emitted.par_iter_mut().for_each(|it| *it *= share);
+        Some(emitted)
     }
 
     fn channel(&self, channel: usize) -> Channel {
@@ -319,9 +355,14 @@ impl Mix {
             return None;
         }
         let power = |light: &Light| light.power(&medium.bounds()).as_dvec3();
+        let emitted = match medium.emission() {
+            Some(emission) => Some(emission.one_radiance()?.as_dvec3()),
+            None => None,
+        };
         let colors: Vec<DVec3> = lights
             .iter()
             .map(power)
+            .chain(emitted)
             .filter(|it| *it != DVec3::ZERO)
             .map(|it| it / it.max_element())
             .collect();

@@ -62,7 +62,8 @@ fn slabs_reflect_and_let_through_what_adding_and_doubling_says() {
                 let mut photons = Photons::default();
                 let direction = Vec3::new(sine, 0.0, cosine);
                 let emission = Emission { origin, direction, power: Vec3::ONE };
-                let fate = tracer.follow(emission, &mut Stream::new(91, number), &mut photons);
+                let mut stream = Stream::new(91, number);
+                let fate = tracer.follow(emission, true, &mut stream, &mut photons);
                 match fate {
                     Some(_) if photons.interactions == 0 => at_once += 1.0,
                     Some(direction) if direction.z < 0.0 => back += 1.0,
