@@ -367,6 +367,13 @@ impl Particles {
         Self { attributes, radii, ..self }
     }
 
+    /// The same particles with one more attribute. Fails with [`Error::Setting`] if it has another number of values.
+    pub fn with_attribute(mut self, attribute: Attribute) -> Result<Self> {
+        check_lengths(self.len(), std::slice::from_ref(&attribute))?;
+        self.attributes.push(attribute);
+        Ok(self)
+    }
+
     /// Those of the particles that are flagged, with their places in the file.
     pub(crate) fn retained(self, keep: &[bool]) -> Self {
         let Self { mut positions, mut attributes, places, .. } = self;

@@ -49,6 +49,31 @@ impl Kernel {
     }
 }
 
+/// Parts into which a line through the ball is cut to integrate along it.
+const LINE_PARTS: u32 = 128;
+
+impl Kernel {
+    /// The integral of the normalized kernel of h = 1 along a line that passes its middle at the distance `q` of at least 0: over the
+    /// disc it integrates to 1.
+    pub fn column(self, q: f64) -> f64 {
+        let half = (1.0 - q * q).max(0.0).sqrt();
+        // Simpson's rule on either side of the place where the cubic spline changes.
+        let knot = (0.25 - q * q).max(0.0).sqrt();
+        let value = |z: f64| self.shape((q * q + z * z).sqrt());
+        let part = |from: f64, to: f64| {
+            let step = (to - from) / f64::from(LINE_PARTS);
+            let sum: f64 = (0..LINE_PARTS)
+                .map(|part| {
+                    let low = from + f64::from(part) * step;
+                    value(low) + 4.0 * value(low + 0.5 * step) + value(low + step)
+                })
+                .sum();
+            sum * step / 6.0
+        };
+        2.0 * self.normalization() * (part(0.0, knot) + part(knot, half))
+    }
+}
+
 /// A kernel on lanes, chosen when the code is compiled.
 pub(super) trait Shape: Copy + Send + Sync {
     /// [`Kernel::shape`] of the square root of `q_sq`.
@@ -101,6 +126,37 @@ mod tests {
     use fearless_simd_macros::simd;
 
     use super::*;
+
+    #[test]
+    fn columns_are_their_closed_forms() {
+        // Of the cubic spline: antiderivatives of powers of r = sqrt(q^2 + z^2) along z.
+        let cubed = |q: f64, end: f64| {
+            let z = (end * end - q * q).sqrt();
+            let log = q * q * ((z + end) / q).ln();
+            let squares = q * q * z + z.powi(3) / 3.0;
+            let cubes = z * end.powi(3) / 4.0 + 0.375 * q * q * (z * end + log);
+            end.powi(3) * z - 3.0 * end * end * 0.5 * (z * end + log) + 3.0 * end * squares - cubes
+        };
+        for q in [0.01, 0.2, 0.45, 0.55, 0.9, 0.999] {
+            let inner = if q < 0.5 { 8.0 * cubed(q, 0.5) } else { 0.0 };
+            let wanted = 16.0 / PI * (2.0 * cubed(q, 1.0) - inner);
+            let found = Kernel::CubicSpline.column(q);
+            assert!((found - wanted).abs() < 1e-7, "{q}: {found} {wanted}");
+            let wanted = 4.5 / PI * (1.0 - q * q).powf(3.5);
+            assert!((Kernel::Poly6.column(q) - wanted).abs() < 1e-7, "{q}");
+        }
+        assert!((Kernel::CubicSpline.column(0.0) - 6.0 / PI).abs() < 1e-9);
+        for (name, kernel) in Kernel::NAMES {
+            let steps = 2000;
+            let ring = |step: u32| {
+                let q = (f64::from(step) + 0.5) / f64::from(steps);
+                2.0 * PI * q * kernel.column(q) / f64::from(steps)
+            };
+            let sum: f64 = (0..steps).map(ring).sum();
+            assert!((sum - 1.0).abs() < 1e-5, "{name}: {sum}");
+            assert_eq!(kernel.column(1.0), 0.0);
+        }
+    }
 
     /// The integral over the unit ball, by the midpoint rule.
     fn integral(kernel: Kernel, of: impl Fn(f64) -> f64) -> f64 {

@@ -14,6 +14,7 @@ pub mod interactive;
 pub mod medium;
 pub mod normals;
 mod paths;
+pub mod project;
 pub mod refine;
 mod samples;
 mod sampling;

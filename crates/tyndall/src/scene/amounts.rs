@@ -6,7 +6,7 @@
 use rayon::prelude::*;
 
 use super::color::{Legend, MISSING, ParticleColors};
-use super::coloring::{Norm, Range};
+use super::coloring::{Norm, Range, linear};
 use super::colormap::Colormap;
 use super::quantity::Quantity;
 use super::statistics::{grouped, quantiles, sampled, short};
@@ -116,23 +116,10 @@ pub(super) fn by_number(
         _ => by_name(spread.low, spread.high),
     };
     let norm = norm.unwrap_or(guessed);
-    if norm == Norm::Log {
-        if let Range::Given(low, high) = range
-            && low <= 0.0
-        {
-            return Err(Error::setting(
-                "--range",
-                format!("{low}:{high}"),
-                "a logarithm needs a range above 0",
-            ));
-        }
-        if spread.positive_low > spread.high {
-            let allowed = format!("{} has no value above 0: use linear", quantity.label());
-            return Err(Error::setting("--norm", "log", allowed));
-        }
-    }
+    check_logarithm(quantity.label(), &spread, norm, range)?;
 
-    let (mut low, mut high, mut how) = limits(particles, quantity, &spread, norm, range);
+    let (mut low, mut high, mut how) =
+        limits((particles.len(), |id| quantity.value(id)), &spread, norm, range);
     let signed = matches!(look, Look::Signed) && norm == Norm::Linear && low < 0.0 && high > 0.0;
     if signed && !matches!(range, Range::Given(..)) {
         high = high.max(-low);
@@ -147,18 +134,13 @@ pub(super) fn by_number(
     let map = map.cloned().map_or_else(|| Colormap::named(name), Ok)?;
 
     // Spread the numbers over the levels.
-    let scaled = |value: f64| match norm {
-        Norm::Linear => value,
-        Norm::Log => value.max(f64::MIN_POSITIVE).ln(),
-    };
-    let (start, end) = (scaled(low), scaled(high));
+    let ends = [low, high].map(|end| scaled(end, norm));
     let place = |id: usize| {
         let value = quantity.value(id);
         if value.is_nan() {
             return LEVELS as u8;
         }
-        // A range of one value shows the middle of the map.
-        let t = if start < end { (scaled(value) - start) / (end - start) } else { 0.5 };
+        let t = share(scaled(value, norm), ends);
         (t * LEVELS as f64).clamp(0.0, LEVELS as f64 - 1.0) as u8
     };
     let places = (0..particles.len()).into_par_iter().with_min_len(1 << 14).map(place).collect();
@@ -180,10 +162,89 @@ pub(super) fn by_number(
     Ok(colors)
 }
 
+impl Legend {
+    /// The colors of numbers that are no particles', such as the pixels of a map, and how they are told. Where nobody says, they are
+    /// logarithmic in inferno if none is below 0 (zeros and NaN are nothing), else linear in coolwarm around 0.
+    ///
+    /// Fails with [`Error::Setting`] if there is no logarithm of what is asked for.
+    pub fn of_numbers(
+        label: &str,
+        numbers: &[f64],
+        map: Option<&Colormap>,
+        norm: Option<Norm>,
+        range: Range,
+    ) -> Result<(Self, String)> {
+        let spread = Spread::of(numbers.len(), |place| numbers[place]);
+        let has_signs = spread.low < 0.0;
+        let guessed = match range {
+            Range::Given(low, _) if low <= 0.0 => Norm::Linear,
+            _ if has_signs || spread.positive_low > spread.high => Norm::Linear,
+            _ => Norm::Log,
+        };
+        let norm = norm.unwrap_or(guessed);
+        check_logarithm(label, &spread, norm, range)?;
+        let (mut low, mut high, mut how) =
+            limits((numbers.len(), |place| numbers[place]), &spread, norm, range);
+        let signed = norm == Norm::Linear && low < 0.0 && high > 0.0;
+        if signed && !matches!(range, Range::Given(..)) {
+            high = high.max(-low);
+            low = -high;
+            how += ", centered on 0";
+        }
+        let name = if signed { "coolwarm" } else { "inferno" };
+        let map = map.cloned().map_or_else(|| Colormap::named(name), Ok)?;
+        let norm_name = if norm == Norm::Log { "log" } else { "linear" };
+        let text = format!("{label} {} {norm_name} {}:{} ({how})", map.name(), short(low), short(high));
+        Ok((Self { label: label.into(), map, norm, low, high }, text))
+    }
+
+    /// The linear color of a number; that of NaN is [`MISSING`].
+    pub fn color(&self, value: f64) -> [f32; 3] {
+        if value.is_nan() {
+            return linear(MISSING);
+        }
+        let ends = [self.low, self.high].map(|end| scaled(end, self.norm));
+        let t = share(scaled(value, self.norm), ends);
+        linear(self.map.at(t as f32).map(|it| (255.0 * it).round() as u8))
+    }
+}
+
+/// A number as the norm spreads it.
+#[inline(always)]
+fn scaled(value: f64, norm: Norm) -> f64 {
+    match norm {
+        Norm::Linear => value,
+        Norm::Log => value.max(f64::MIN_POSITIVE).ln(),
+    }
+}
+
+/// Where a number lies between two, 0 and 1, and beyond. A range of one value shows the middle of the map.
+#[inline(always)]
+fn share(value: f64, [start, end]: [f64; 2]) -> f64 {
+    if start < end { (value - start) / (end - start) } else { 0.5 }
+}
+
+/// Refuses a logarithm of numbers or limits that have none.
+fn check_logarithm(label: &str, spread: &Spread, norm: Norm, range: Range) -> Result<()> {
+    if norm != Norm::Log {
+        return Ok(());
+    }
+    if let Range::Given(low, high) = range
+        && low <= 0.0
+    {
+        let allowed = "a logarithm needs a range above 0";
+        return Err(Error::setting("--range", format!("{low}:{high}"), allowed));
+    }
+    if spread.positive_low > spread.high {
+        let allowed = format!("{label} has no value above 0: use linear");
+        return Err(Error::setting("--norm", "log", allowed));
+    }
+    Ok(())
+}
+
 /// The numbers of the first and last color, and how they were found.
 fn limits(
-    particles: &Particles,
-    quantity: &Quantity,
+    (count, value): (usize, impl Fn(usize) -> f64 + Sync + Send),
     spread: &Spread,
     norm: Norm,
     range: Range,
@@ -200,8 +261,7 @@ fn limits(
     }
     if range == Range::Auto {
         let wanted = |value: f64| value.is_finite() && (norm == Norm::Linear || value > 0.0);
-        let mut values =
-            sampled(particles.len(), |id| Some(quantity.value(id)).filter(|value| wanted(*value)));
+        let mut values = sampled(count, |id| Some(value(id)).filter(|value| wanted(*value)));
         if let Some([low, high]) = quantiles(&mut values, [0.01, 0.99]).filter(|[low, high]| low < high) {
             return (low, high, "1-99 %".into());
         }

@@ -108,7 +108,6 @@ impl Cells {
     }
 
     /// The particles' ids, cell by cell; `u32::MAX` where there is none.
-    #[cfg(test)]
     pub(super) fn ids(&self) -> &[[u32; CELL]] {
         &self.ids
     }

@@ -3,6 +3,7 @@
 use super::automatic::{LONGEST, SHORTEST};
 use super::{LENGTH_NAMES, MASS_NAMES, Settings, Smoothing, Weight};
 use crate::error::{Error, Result};
+use crate::names::nearest;
 use crate::particles::{Attribute, Particles};
 
 /// Refuses what no density can be made of.
@@ -39,6 +40,12 @@ pub(super) fn weight_attribute<'a>(
             let found = MASS_NAMES.iter().find_map(|&name| exactly(particles, name));
             found.inspect(|it| notes.push(format!("particles are weighted by their '{}'", it.name)))
         }
+        Weight::Attribute(name) if name == "mass" => {
+            match MASS_NAMES.iter().find_map(|&name| exactly(particles, name)) {
+                Some(mass) => Some(mass),
+                None => Some(scalar(particles, name)?),
+            }
+        }
         Weight::Attribute(name) => Some(scalar(particles, name)?),
     };
     attribute.map_or(Ok(None), |it| at_least_zero(particles, it).map(Some))
@@ -49,12 +56,22 @@ pub(super) fn length_attribute<'a>(
     particles: &'a Particles,
     settings: &Settings,
 ) -> Result<Option<&'a Attribute>> {
-    let attribute = match (settings.smoothing, &settings.particle_length) {
-        (Smoothing::Scatter, Some(name)) => Some(scalar(particles, name)?),
-        (Smoothing::Scatter, None) => LENGTH_NAMES.iter().find_map(|&name| exactly(particles, name)),
-        _ => None,
-    };
+    if settings.smoothing != Smoothing::Scatter {
+        return Ok(None);
+    }
+    let attribute = any_length_attribute(particles, settings)?;
     attribute.map_or(Ok(None), |it| at_least_zero(particles, it).map(Some))
+}
+
+/// The attribute that holds the particles' lengths, if there is one, whatever numbers it has.
+pub(super) fn any_length_attribute<'a>(
+    particles: &'a Particles,
+    settings: &Settings,
+) -> Result<Option<&'a Attribute>> {
+    match &settings.particle_length {
+        Some(name) => scalar(particles, name).map(Some),
+        None => Ok(LENGTH_NAMES.iter().find_map(|&name| exactly(particles, name))),
+    }
 }
 
 /// The attribute of one component that has exactly this name: a single letter means little in another case.
@@ -74,7 +91,9 @@ fn scalar<'a>(particles: &'a Particles, name: &str) -> Result<&'a Attribute> {
 
 fn no_attribute(particles: &Particles, name: &str) -> Error {
     let names: Vec<&str> = particles.attributes().iter().map(|it| &it.name[..]).collect();
-    Error::setting("attribute", name, format!("one of the particles' attributes: {}", names.join(", ")))
+    let meant = nearest(name, names.iter().copied());
+    let meant = meant.map_or(String::new(), |it| format!("did you mean '{it}'? "));
+    Error::setting("attribute", name, format!("{meant}the particles have: {}", names.join(", ")))
 }
 
 fn at_least_zero<'a>(particles: &Particles, attribute: &'a Attribute) -> Result<&'a Attribute> {

@@ -16,6 +16,7 @@ mod length;
 mod neighbors;
 mod scatter;
 mod select;
+mod spread;
 pub mod statistics;
 mod volume;
 
@@ -26,6 +27,7 @@ use self::automatic::{Lengths, Plan};
 use self::block::Block;
 use self::gather::{Gather, Rule};
 use self::scatter::Scatter;
+pub use self::spread::{Spread, spread};
 use self::statistics::Statistics;
 use self::volume::fill;
 use super::cells::{CELL, Cells, Column};
@@ -85,12 +87,14 @@ pub enum Weight {
     Automatic,
     /// 1: the density is a number of particles per volume.
     One,
-    /// The attribute of this name, which has one component of at least 0.
+    /// The attribute of this name, which has one component of at least 0; `mass` means the mass by any of its names.
     Attribute(String),
 }
 
 /// Names of attributes that hold a particle's mass, best first.
 pub const MASS_NAMES: [&str; 4] = ["mass", "Masses", "m", "particle_mass"];
+/// Names of attributes that hold the density at a particle, best first; in any case.
+pub const DENSITY_NAMES: [&str; 5] = ["Densities", "Density", "rho", "Rhop", "RHO"];
 /// Names of attributes that hold a particle's smoothing length, best first.
 pub const LENGTH_NAMES: [&str; 5] = ["SmoothingLength", "smoothing_length", "hsml", "smoothlength", "h"];
 
