@@ -2,6 +2,7 @@
 
 mod exr;
 mod jpeg;
+pub mod map;
 pub mod movie;
 pub mod particles;
 mod png;

@@ -25,6 +25,7 @@ use std::path::Path;
 
 use tyndall::{Error, Particles, Result};
 
+pub(super) use self::npy::header as npy_header;
 use self::snapshot::Snapshot;
 use super::atomically;
 

@@ -130,7 +130,7 @@ fn literal(name: &str) -> String {
 }
 
 /// The bytes in front of the values: magic, version, and a dictionary that is padded to a multiple of 64.
-fn header(element: &str, shape: &[usize]) -> Vec<u8> {
+pub(in crate::write) fn header(element: &str, shape: &[usize]) -> Vec<u8> {
     let shape = match shape {
         [count] => format!("({count},)"),
         _ => format!("({})", shape.iter().map(usize::to_string).collect::<Vec<_>>().join(", ")),
