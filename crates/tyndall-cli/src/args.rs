@@ -21,6 +21,7 @@ use crate::device::Choice;
 use crate::layers::Layer;
 use crate::medium::args::{Density, Medium};
 use crate::output::{EncoderName, Pattern};
+use crate::project::Project;
 use crate::scene::Origin;
 use crate::values::{Background, Degrees, Focus, Ortho, Size, Slice, count, length, point};
 
@@ -198,6 +199,8 @@ pub(crate) struct Render {
     #[command(flatten)]
     pub(crate) medium: Medium,
     #[command(flatten)]
+    pub(crate) project: Project,
+    #[command(flatten)]
     pub(crate) common: Common,
     #[arg(skip)]
     pub(crate) origin: Origin,
@@ -207,7 +210,7 @@ pub(crate) struct Render {
 #[derive(Args)]
 #[command(next_help_heading = "Picture")]
 pub(crate) struct Picture {
-    /// The picture or movie; its extension says which kind: .png .jpg .exr, .mp4 .gif .webp. Several pictures have the number of their frame in the name: %04d, #### or $F4
+    /// The picture or movie; its extension says which kind: .png .jpg .exr, .mp4 .gif .webp, of --mode project also .npy .fits. Several pictures have the number of their frame in the name: %04d, #### or $F4
     #[arg(short, long, value_name = "OUT")]
     pub(crate) output: PathBuf,
     /// Pixels across and down
@@ -352,7 +355,13 @@ pub(crate) struct Frames {
 #[command(next_help_heading = "Camera")]
 pub(crate) struct CameraArgs {
     /// Side to look from: x y z -x -y -z iso [default: from (2, 1.3, 1)]
-    #[arg(long, value_name = "SIDE", allow_hyphen_values = true, conflicts_with = "eye")]
+    #[arg(
+        long,
+        visible_alias = "axis",
+        value_name = "SIDE",
+        allow_hyphen_values = true,
+        conflicts_with = "eye"
+    )]
     pub(crate) view: Option<Side>,
     /// Where the camera stands, in the file's coordinates
     #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, value_parser = point)]
@@ -447,7 +456,8 @@ pub(crate) struct Look {
     /// What every radius is multiplied with
     #[arg(long, value_name = "S", default_value = "1", value_parser = length, allow_hyphen_values = true)]
     pub(crate) radius_scale: f32,
-    /// Light and material; from matte on light also goes from particle to particle (path tracing, on the CPU)
+    /// Light and material of spheres: from matte to dust light also goes from particle to particle (path tracing, on the CPU). Or defaults of a medium:
+    /// with --mode medium dust, and smoke, cloud, steam, fire, explosion, nebula, spray and foam, which imply that mode
     #[arg(long, value_name = "LOOK", default_value = "default")]
     pub(crate) look: LightLook,
     /// With a look that is traced: how often light is thrown on by surfaces [default: 4]; with the default look traces it as matte
@@ -499,8 +509,24 @@ pub(crate) enum LightLook {
     Paper,
     /// Rough ground in a hard sun
     Sand,
-    /// Rough ground under an overcast sky
+    /// Rough ground under an overcast sky; of a medium brown
     Dust,
+    /// Gray, half of it thick
+    Smoke,
+    /// Thick and white
+    Cloud,
+    /// Thin and white
+    Steam,
+    /// Glows by its temperature
+    Fire,
+    /// Glows by its temperature in thick smoke
+    Explosion,
+    /// Thin and red, glowing
+    Nebula,
+    /// Thin drops of water
+    Spray,
+    /// Thick bubbles
+    Foam,
 }
 
 /// How it is done.
@@ -586,6 +612,8 @@ pub(crate) enum Mode {
     Spheres,
     /// As smoke or cloud: a density that light is scattered in
     Medium,
+    /// As a map of numbers: line integrals or means along the view, straight from the particles' kernels
+    Project,
 }
 
 #[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]

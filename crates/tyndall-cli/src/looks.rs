@@ -12,9 +12,9 @@ use crate::medium::args::MethodName;
 use crate::report::counted;
 use crate::values::Focus;
 
-/// The look that is named.
-pub(crate) fn look(name: LightLook) -> Look {
-    match name {
+/// The look of spheres that is named; none if it is one of media alone.
+pub(crate) fn look(name: LightLook) -> Option<Look> {
+    Some(match name {
         LightLook::Default => Look::Default,
         LightLook::Headlight => Look::Headlight,
         LightLook::Flat => Look::Flat,
@@ -27,7 +27,15 @@ pub(crate) fn look(name: LightLook) -> Look {
         LightLook::Paper => Look::Paper,
         LightLook::Sand => Look::Sand,
         LightLook::Dust => Look::Dust,
-    }
+        LightLook::Smoke
+        | LightLook::Cloud
+        | LightLook::Steam
+        | LightLook::Fire
+        | LightLook::Explosion
+        | LightLook::Nebula
+        | LightLook::Spray
+        | LightLook::Foam => return None,
+    })
 }
 
 /// What is said beside its name, for a camera.

@@ -27,6 +27,7 @@ mod names;
 mod output;
 mod plan;
 mod progress;
+mod project;
 mod render;
 mod report;
 mod scene;

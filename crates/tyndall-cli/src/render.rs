@@ -38,7 +38,7 @@ use crate::report::{Failure, Outcome, Report, counted, seconds};
 use crate::selection::Found;
 use crate::shot::{self, Shot};
 use crate::values::{Background, Degrees};
-use crate::{ahead, culling, dry_run, input, looks, medium, metadata, progress, structure};
+use crate::{ahead, culling, dry_run, input, looks, medium, metadata, progress, project, structure};
 
 /// Renders what the command line asks for.
 pub(crate) fn run(args: &args::Render, report: &Report) -> Outcome<()> {
@@ -49,8 +49,11 @@ pub(crate) fn run(args: &args::Render, report: &Report) -> Outcome<()> {
     if medium::are_grids(&args.input.files)? {
         return medium::run_grids(args, report);
     }
-    if args.method.mode == Mode::Medium {
-        return medium::run(args, report);
+    match args.method.mode {
+        Mode::Spheres if looks::look(args.look.look).is_none() => return medium::run(args, report),
+        Mode::Spheres => {}
+        Mode::Medium => return medium::run(args, report),
+        Mode::Project => return project::run(args, report),
     }
     let job = Job::new(args, report)?;
     // What cannot work is refused before the reading.
@@ -524,7 +527,7 @@ impl<'a> Job<'a> {
         }
         let adjustments = looks::adjustments(self.args, camera);
         let axes = [view.forward, view.right, view.up];
-        scene.lighting = looks::look(self.args.look.look).lighting(axes, &adjustments);
+        scene.lighting = looks::look(self.args.look.look).unwrap_or_default().lighting(axes, &adjustments);
         Ok(())
     }
 

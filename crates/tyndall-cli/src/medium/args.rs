@@ -1,10 +1,11 @@
 //! The part of the command line's definition that is about media.
 
 use clap::{Args, ValueEnum};
-use tyndall::medium::Kernel;
 use tyndall::medium::density::{self, Resolution, Smoothing, Weight};
+use tyndall::medium::{Kernel, automatic};
 use tyndall::render::medium::free_path::FreePath;
 
+use super::emission::EmissionSpec;
 use super::values::{Gather, LightSpec, Noise, NoiseAmount, Rgb, Voxel, positive};
 use crate::values::count;
 
@@ -45,15 +46,28 @@ pub(crate) struct Density {
 #[derive(Args)]
 #[command(next_help_heading = "Medium")]
 pub(crate) struct Medium {
-    /// Extinction per length where the density is 1, one number or R,G,B [default: so that the median column is 6 thick]
+    /// What matter does to light: scattering, absorption, emission (light is only added up), emission-absorption; the latter three scatter
+    /// nothing, so that lights are seen behind the medium only
+    #[arg(long, value_name = "MODEL", default_value = "scattering")]
+    pub(crate) optics: OpticsName,
+    /// What matter gives off, as thick matter is seen: blackbody:NAME (its temperature in kelvins; luminance 1 at the 99th percentile of the
+    /// mass, or at K with blackbody:NAME@K), a quantity through --cmap, --norm and --range, one number or R,G,B, or none [default: none; of
+    /// --optics emission and emission-absorption --color, else 1]
+    #[arg(long, value_name = "WHAT", allow_hyphen_values = true)]
+    pub(crate) emission: Option<EmissionSpec>,
+    /// What the emission is multiplied with
+    #[arg(long, value_name = "S", default_value = "1", value_parser = positive, allow_hyphen_values = true)]
+    pub(crate) emission_scale: f32,
+    /// Extinction per length where the density is 1, one number or R,G,B [default: so that the median column is 6 thick; with --optics
+    /// absorption or emission 1, with emission-absorption 2]
     #[arg(long, value_name = "X", allow_hyphen_values = true)]
     pub(crate) extinction: Option<Rgb>,
-    /// Share of the extinction that scatters, one number or R,G,B from 0 to 1
-    #[arg(long, value_name = "X", default_value = "0.95", allow_hyphen_values = true)]
-    pub(crate) albedo: Rgb,
-    /// Mean cosine of scattering, between -1 (back) and 1 (forward)
-    #[arg(long, visible_alias = "g", value_name = "G", default_value_t = 0.0, allow_hyphen_values = true)]
-    pub(crate) phase_g: f32,
+    /// Share of the extinction that scatters, one number or R,G,B from 0 to 1; the rest absorbs, and emits [default: 0.95, with --emission 0.3]
+    #[arg(long, value_name = "X", allow_hyphen_values = true)]
+    pub(crate) albedo: Option<Rgb>,
+    /// Mean cosine of scattering, between -1 (back) and 1 (forward) [default: 0]
+    #[arg(long, visible_alias = "g", value_name = "G", allow_hyphen_values = true)]
+    pub(crate) phase_g: Option<f32>,
     /// A light: sun:X,Y,Z:E (travels along X,Y,Z, irradiance E), point:X,Y,Z:I (intensity I), spot:X,Y,Z:X,Y,Z:DEGREES:I (where it is, where it shines, half the cone), sky:L (radiance L), image:FILE or image:S:FILE (all around, from an equirectangular EXR or Radiance HDR picture, times S; --up is up in it); numbers or R,G,B; may be repeated [default: a sun from the upper left, and a sky]
     #[arg(long = "light", value_name = "LIGHT", allow_hyphen_values = true)]
     pub(crate) lights: Vec<LightSpec>,
@@ -139,11 +153,7 @@ impl Density {
                 SmoothingName::Exact => Smoothing::Exact,
                 SmoothingName::Scatter => Smoothing::Scatter,
             },
-            kernel: match self.kernel {
-                KernelName::Cubic => Kernel::CubicSpline,
-                KernelName::Wendland => Kernel::WendlandC2,
-                KernelName::Poly6 => Kernel::Poly6,
-            },
+            kernel: self.kernel.kernel(),
             length: self.h0,
             neighbors: self.neighbors,
             scale: self.correction_scale,
@@ -156,6 +166,41 @@ impl Density {
             resolution,
             memory_bytes,
             ..density::Settings::default()
+        }
+    }
+}
+
+/// Which terms the equation of transfer has.
+#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum OpticsName {
+    /// Light is scattered and absorbed; with --emission matter emits too
+    Scattering,
+    /// Light from behind is absorbed
+    Absorption,
+    /// Light is added up, as from thin gas: nothing is absorbed
+    Emission,
+    /// Light is emitted and absorbed, as in the usual volume rendering
+    EmissionAbsorption,
+}
+
+impl OpticsName {
+    /// What happens to radiance L along a length s, for the printed line; k is the extinction, B the emission, S what is scattered in.
+    pub(crate) fn equation(self, emits: bool) -> &'static str {
+        match (self, emits) {
+            (Self::Scattering, false) => "dL/ds = k (a S - L)",
+            (Self::Scattering, true) => "dL/ds = k (a S + (1 - a) B - L)",
+            (Self::Absorption, _) => "dL/ds = -k L",
+            (Self::Emission, _) => "dL/ds = k B",
+            (Self::EmissionAbsorption, _) => "dL/ds = k (B - L)",
+        }
+    }
+
+    /// Optical thickness of the median column, where the extinction is not said.
+    pub(crate) fn thickness(self) -> f32 {
+        match self {
+            Self::Scattering => automatic::THICKNESS,
+            Self::Absorption | Self::Emission => 1.0,
+            Self::EmissionAbsorption => 2.0,
         }
     }
 }
@@ -184,6 +229,16 @@ pub(crate) enum KernelName {
     Wendland,
     /// (1 - q^2)^3
     Poly6,
+}
+
+impl KernelName {
+    pub(crate) fn kernel(self) -> Kernel {
+        match self {
+            Self::Cubic => Kernel::CubicSpline,
+            Self::Wendland => Kernel::WendlandC2,
+            Self::Poly6 => Kernel::Poly6,
+        }
+    }
 }
 
 /// How light is found.

@@ -4,7 +4,9 @@
 //! guessed from the first frame and printed; camera, extinction and lights are kept for all frames, so that nothing jumps.
 
 pub(crate) mod args;
+pub(crate) mod emission;
 pub(crate) mod estimate;
+pub(crate) mod looks;
 mod picture;
 mod statistics;
 pub(crate) mod values;
@@ -17,7 +19,7 @@ use clap::ValueEnum;
 use tyndall::medium::density::{self, Volume};
 use tyndall::medium::grid::Lattice;
 use tyndall::medium::light::{Directional, Environment};
-use tyndall::medium::{Grid, Light, Medium, Noise, NoiseSettings, Optics, Phase, automatic};
+use tyndall::medium::{Emission, Grid, Light, Medium, Noise, NoiseSettings, Optics, Phase, automatic};
 use tyndall::particles::{Particles, Radii};
 use tyndall::render::medium::march;
 use tyndall::scene::automatic::{Outliers, framing_of};
@@ -29,7 +31,9 @@ use tyndall::{DVec3, Error, Vec3};
 use tyndall_io::read::{self, Described};
 use tyndall_io::{vdb, write};
 
-use self::args::{CacheName, MethodName};
+use self::args::{CacheName, MethodName, OpticsName};
+use self::emission::{EmissionSpec, Source, Values};
+use self::looks::MediumLook;
 use crate::args::{Picture, Render};
 use crate::layers::{self, Layer};
 use crate::names::Numbers;
@@ -47,15 +51,15 @@ pub(crate) fn are_grids(files: &[PathBuf]) -> Outcome<bool> {
 
 /// Renders the density that a scene file names.
 pub(crate) fn run_grid(args: &Render, grid: &scene::Grid, report: &Report) -> Outcome<()> {
-    Job { args, report }.run_grids(1, |_| (grid.file(), grid.density(report)))
+    Job { args, report }.run_grids(1, |_, array| (grid.file(), grid.density(array, report)))
 }
 
 /// Renders grids of OpenVDB, one a frame.
 pub(crate) fn run_grids(args: &Render, report: &Report) -> Outcome<()> {
     let files = &args.input.files;
-    Job { args, report }.run_grids(files.len(), |number| {
-        let density =
-            read::described_density(&files[number], args.input.dataset.as_deref(), 1.0, report.progress());
+    Job { args, report }.run_grids(files.len(), |number, array| {
+        let array = array.or(args.input.dataset.as_deref());
+        let density = read::described_density(&files[number], array, 1.0, report.progress());
         (&files[number], density.map_err(Failure::from))
     })
 }
@@ -71,7 +75,8 @@ pub(crate) fn run(args: &Render, report: &Report) -> Outcome<()> {
     if args.method.dry_run {
         let frame = input::read(&sequence, pictures[0].frame, &args.input, report)?;
         let (particles, _) = selection::keep(&args.selection, frame.particles)?;
-        let settings = job.density_settings();
+        let (particles, emitting) = job.emission_spec().prepare(particles)?;
+        let settings = job.density_settings(emitting);
         let (lattice, bytes) = density::plan(&particles, &settings, report.progress())?;
         let secs = estimate::density_seconds(&settings, &lattice, rayon::current_num_threads());
         report.note(format_args!(
@@ -92,15 +97,17 @@ pub(crate) fn run(args: &Render, report: &Report) -> Outcome<()> {
         plan::each_frame(&pictures, args.frames.skip_existing, report, |number, wanted, kept, written| {
             let frame = input::read_ahead((&sequence, ahead), number, &args.input, report)?;
             let (particles, share) = selection::keep(&args.selection, frame.particles)?;
-            let density = job.density(&particles)?;
+            let (particles, emitting) = job.emission_spec().prepare(particles)?;
+            let mut density = job.density(&particles, emitting)?;
             if let Some(statistics) = &statistics {
-                let text = statistics::json(&particles, &job.density_settings(), &density);
+                let text = statistics::json(&particles, &job.density_settings(None), &density);
                 let path = statistics.name(number);
                 write::atomically(&path, |file| file.write_all(text.as_bytes())).map_err(Failure::Output)?;
             }
             let mut guesses = job.described(&particles, &density);
             guesses.extend(share);
-            let (medium, scene) = job.scene(density.density, Some(&particles), kept.as_ref())?;
+            let values = density.fields.pop().map(Values::Means);
+            let (medium, scene) = job.scene((density.density, values), Some(&particles), kept.as_ref())?;
             guesses.extend(scene.guesses.clone());
             if kept.is_none() {
                 report.note(format_args!("tyndall: {}", guesses.join(" · ")));
@@ -123,6 +130,7 @@ pub(crate) fn run(args: &Render, report: &Report) -> Outcome<()> {
 struct Scene {
     extinction: [f32; 3],
     lights: Vec<Light>,
+    source: Option<Source>,
     noise: Option<NoiseSettings>,
     camera: Camera,
     outline: Outline,
@@ -164,6 +172,13 @@ impl Job<'_> {
             let [width, height] = picture.pixels();
             window.check(width, height)?;
         }
+        let look = self.args.look.look;
+        if !matches!(look, LightLook::Default | LightLook::Headlight | LightLook::Flat)
+            && self.look().is_none()
+        {
+            let text = "this --look is for spheres — of a medium it is dust, smoke, cloud, steam, fire, explosion, nebula, spray or foam";
+            return Err(Failure::Usage(text.into()));
+        }
         if self.args.look.images().is_some() {
             let text = "--replicate is for spheres — leave it out, or --mode medium";
             return Err(Failure::Usage(text.into()));
@@ -171,6 +186,15 @@ impl Job<'_> {
         if self.args.look.bonds.is_some() {
             let text = "--bonds is for spheres — leave it out, or --mode medium";
             return Err(Failure::Usage(text.into()));
+        }
+        if self.args.medium.optics == OpticsName::Absorption && self.emission_spec() != EmissionSpec::None {
+            let text = "--optics absorption emits nothing — leave --emission out, or take --optics emission-absorption";
+            return Err(Failure::Usage(text.into()));
+        }
+        if self.args.medium.optics != OpticsName::Scattering && self.args.medium.albedo.is_some() {
+            let text =
+                format!("--optics {} scatters nothing — leave --albedo out", name(self.args.medium.optics));
+            return Err(Failure::Usage(text));
         }
         let grid = Grid::from_dense(Vec3::ZERO, 1.0, [1; 3], &[1.0])?;
         Medium::new(grid, self.optics(self.args.medium.extinction.map_or([0.0; 3], |it| it.0))?)?;
@@ -181,11 +205,11 @@ impl Job<'_> {
         Ok(())
     }
 
-    /// Renders densities from files; `load` gives the name and the density of a frame of `count`.
+    /// Renders densities from files; `load` gives the name and the density of a frame of `count`, or another array of the same file.
     fn run_grids<'a>(
         &self,
         count: usize,
-        load: impl Fn(usize) -> (&'a Path, Outcome<Described>),
+        load: impl Fn(usize, Option<&str>) -> (&'a Path, Outcome<Described>),
     ) -> Outcome<()> {
         self.check()?;
         let mut output = Output::new(self.args, self.report)?;
@@ -200,14 +224,17 @@ impl Job<'_> {
             return Err(Failure::Usage(text.into()));
         }
         if self.args.method.dry_run {
-            let density = load(pictures[0].frame).1?.grid;
+            let density = load(pictures[0].frame, None).1?.grid;
             return self.dry_run(&density.lattice(), 0, 0.0, pictures.len());
         }
         let skips = self.args.frames.skip_existing;
         let done = plan::each_frame(&pictures, skips, self.report, |number, wanted, kept, written| {
-            let (path, density) = load(number);
+            let (path, density) = load(number, None);
             let Described { grid, conventions } = density?;
-            let (medium, scene) = self.scene(grid, None, kept.as_ref())?;
+            let spec = self.emission_spec();
+            let values = spec.grid().map(|array| load(number, Some(array)).1).transpose()?;
+            let values = values.map(|it| Values::Own(it.grid));
+            let (medium, scene) = self.scene((grid, values), None, kept.as_ref())?;
             let mut guesses = vec![format!("medium, cpu {} threads", rayon::current_num_threads())];
             guesses.extend(conventions);
             guesses.extend(scene.guesses.clone());
@@ -259,8 +286,43 @@ impl Job<'_> {
     }
 
     fn optics(&self, extinction: [f32; 3]) -> Outcome<Optics> {
-        let args = &self.args.medium;
-        Ok(Optics { extinction, albedo: args.albedo.0, phase: Phase::new(args.phase_g)? })
+        Ok(Optics { extinction, albedo: self.albedo(), phase: Phase::new(self.phase_g())? })
+    }
+
+    /// Share of the extinction that scatters.
+    fn albedo(&self) -> [f32; 3] {
+        match (self.args.medium.optics, self.args.medium.albedo) {
+            (OpticsName::Scattering, Some(Rgb(albedo))) => albedo,
+            (OpticsName::Scattering, None) => match self.look() {
+                Some(look) => look.albedo,
+                None if self.emission_spec() == EmissionSpec::None => [ALBEDO; 3],
+                None => [ALBEDO_OF_FIRE; 3],
+            },
+            _ => [0.0; 3],
+        }
+    }
+
+    /// Mean cosine of scattering.
+    fn phase_g(&self) -> f32 {
+        self.args.medium.phase_g.or(self.look().map(|it| it.g)).unwrap_or(0.0)
+    }
+
+    /// Optical thickness of the median column, where the extinction is not said.
+    fn thickness(&self) -> f32 {
+        match (self.args.medium.optics, self.look()) {
+            (OpticsName::Scattering, Some(look)) => look.thickness,
+            (optics, _) => optics.thickness(),
+        }
+    }
+
+    /// The defaults that are asked for by name.
+    fn look(&self) -> Option<MediumLook> {
+        looks::of(self.args.look.look)
+    }
+
+    /// What is to be given off.
+    fn emission_spec(&self) -> EmissionSpec {
+        EmissionSpec::of(self.args)
     }
 
     fn settings(&self) -> march::Settings {
@@ -277,7 +339,9 @@ impl Job<'_> {
 
     fn background(&self) -> Background {
         let picture = &self.args.picture;
-        let background = picture.background.unwrap_or(Background::Color([0.0; 3]));
+        // What only absorbs is seen before light.
+        let usual = if self.args.medium.optics == OpticsName::Absorption { 1.0 } else { 0.0 };
+        let background = picture.background.unwrap_or(Background::Color([usual; 3]));
         if picture.is_opaque() { background } else { Background::Nothing }
     }
 
@@ -312,14 +376,15 @@ impl Job<'_> {
         dry_run::tell_medium(&work, pictures, self.memory_bytes(), self.report)
     }
 
-    /// How the density of particles is estimated.
-    fn density_settings(&self) -> density::Settings {
-        self.args.medium.density.settings(self.memory_bytes())
+    /// How the density of particles is estimated, and a field beside it.
+    fn density_settings(&self, field: Option<String>) -> density::Settings {
+        let settings = self.args.medium.density.settings(self.memory_bytes());
+        density::Settings { fields: field.into_iter().collect(), ..settings }
     }
 
-    /// From particles to their density.
-    fn density(&self, particles: &Particles) -> Outcome<Volume> {
-        let settings = self.density_settings();
+    /// From particles to their density, and a field beside it.
+    fn density(&self, particles: &Particles, field: Option<String>) -> Outcome<Volume> {
+        let settings = self.density_settings(field);
         let start = Instant::now();
         let volume = density::estimate(particles, &settings, self.report.progress())?;
         self.report.detail(format_args!("density: {}", seconds(start.elapsed().as_secs_f64())));
@@ -357,7 +422,7 @@ impl Job<'_> {
     /// What of the medium and its light is not said, guessed.
     fn scene(
         &self,
-        grid: Grid,
+        (grid, values): (Grid, Option<Values>),
         particles: Option<&Particles>,
         kept: Option<&Scene>,
     ) -> Outcome<(Medium, Scene)> {
@@ -372,13 +437,15 @@ impl Job<'_> {
         }
         if let Some(scene) = kept {
             let scene = Scene { origin, ..scene.clone() };
-            return Ok((Medium::new(grid, self.optics(scene.extinction)?)?, scene));
+            let emission = scene.source.as_ref().map(|it| it.emission(self.args, &grid, values.as_ref()));
+            return Ok((self.medium(grid, scene.extinction, emission.transpose()?)?, scene));
         }
         let (extinction, text) = match args.extinction {
             Some(Rgb(extinction)) => (extinction, format!("extinction {} given", shown(extinction))),
             None => {
-                let extinction = automatic::extinction(&grid, automatic::THICKNESS);
-                let thickness = short(automatic::THICKNESS.into());
+                let thickness = self.thickness();
+                let extinction = automatic::extinction(&grid, thickness);
+                let thickness = short(thickness.into());
                 let text = format!(
                     "extinction {}: the median column is {thickness} thick",
                     short(extinction.into())
@@ -390,17 +457,33 @@ impl Job<'_> {
         let [stored, all] = grid.stored_bricks();
         let mut guesses = vec![
             format!("grid {x}x{y}x{z}, spacing {}, {stored} of {all} bricks", short(grid.spacing().into())),
+            self.model(particles.and_then(Particles::length_unit)),
             text,
-            format!("albedo {}, g {}", shown(args.albedo.0), args.phase_g),
         ];
-        let medium = Medium::new(grid, self.optics(extinction)?)?;
+        if let Some(look) = self.look() {
+            guesses.push(format!("look {}", look.name));
+        }
+        if args.optics == OpticsName::Scattering {
+            guesses.push(format!("albedo {}, g {}", shown(self.albedo()), self.phase_g()));
+        }
+        let source = Source::of(self.args, &self.emission_spec(), &grid, values.as_ref())?;
+        let (source, text) = source.unzip();
+        guesses.extend(text);
+        if args.emission_scale != 1.0 {
+            guesses.push(format!("emission times {}", short(args.emission_scale.into())));
+        }
+        let emission =
+            source.as_ref().map(|it| it.emission(self.args, &grid, values.as_ref())).transpose()?;
+        let medium = self.medium(grid, extinction, emission)?;
 
         let viewpoint = render::viewpoint(self.args)?;
         let (outline, framed) = self.outline(&medium, particles);
         let march::Settings { width, height, samples, .. } = self.settings();
         let camera = viewpoint.camera(&outline, f64::from(width) / f64::from(height));
         let view = self.view(&camera, origin)?;
-        let lights = if args.lights.is_empty() {
+        let lights = if args.lights.is_empty() && args.optics != OpticsName::Scattering {
+            Vec::new()
+        } else if args.lights.is_empty() {
             guesses.push("lit by a sun from the upper left and a sky".into());
             default_lights(&view)?
         } else {
@@ -412,6 +495,7 @@ impl Job<'_> {
         }
         guesses.push(match (args.method, args.cache) {
             (MethodName::Reference, _) => "path tracer".into(),
+            _ if args.optics != OpticsName::Scattering => "marched".into(),
             (_, CacheName::Sweeps) => "cache by sweeps".into(),
             (_, CacheName::Photons) => "cache from photons".into(),
             (_, CacheName::Single) => "light scattered once".into(),
@@ -419,8 +503,26 @@ impl Job<'_> {
         });
         let framing = if viewpoint.eye.is_some() { "camera given".into() } else { framed };
         guesses.extend([framing, format!("{width}x{height}, {samples} samples")]);
-        let scene = Scene { extinction, lights, noise, camera, outline, origin, guesses };
+        let scene = Scene { extinction, lights, source, noise, camera, outline, origin, guesses };
         Ok((medium, scene))
+    }
+
+    /// A medium of that density.
+    fn medium(&self, grid: Grid, extinction: [f32; 3], emission: Option<Emission>) -> Outcome<Medium> {
+        let medium = Medium::new(grid, self.optics(extinction)?)?;
+        Ok(match emission {
+            Some(emission) => medium.with_emission(emission)?,
+            None => medium,
+        })
+    }
+
+    /// The optical model by name, its equation and its unit.
+    fn model(&self, length_unit: Option<&str>) -> String {
+        let optics = self.args.medium.optics;
+        let emits = self.emission_spec() != EmissionSpec::None;
+        let emission = if emits && optics == OpticsName::Scattering { " and emission" } else { "" };
+        let unit = length_unit.unwrap_or("length");
+        format!("optics {}{emission}, {}, k per {unit}", name(optics), optics.equation(emits))
     }
 
     /// What the camera shows, and how it was found: the particles without far outliers, each as wide as a few grid points.
@@ -439,9 +541,16 @@ impl Job<'_> {
     /// The noise that is asked for, in a medium of that size.
     fn noise(&self, extent: f32, origin: DVec3) -> Option<NoiseSettings> {
         let args = &self.args.medium;
-        let octaves = args.position_noise().or(args.density_noise)?.octaves;
+        // The path tracer knows no noise: what nobody asks for is left out.
+        let of_look = self.look().and_then(|it| it.noise).filter(|_| args.method != MethodName::Reference);
+        let position = if args.density_noise.is_some() {
+            args.position_noise()
+        } else {
+            args.position_noise().or(of_look)
+        };
+        let octaves = position.or(args.density_noise)?.octaves;
         Some(NoiseSettings {
-            position: args.position_noise().map_or(0.0, |it| it.amplitude),
+            position: position.map_or(0.0, |it| it.amplitude),
             density: args.density_noise.map_or(0.0, |it| it.amplitude),
             octaves,
             scale: args.noise_scale.unwrap_or(extent / NOISE_CELLS),
@@ -452,6 +561,9 @@ impl Job<'_> {
     }
 }
 
+/// Share of the extinction that scatters where nobody says, without and with emission: of clouds, of soot.
+const ALBEDO: f32 = 0.95;
+const ALBEDO_OF_FIRE: f32 = 0.3;
 /// Cells of the noise along the longest side of a medium, where nobody says.
 const NOISE_CELLS: f32 = 30.0;
 

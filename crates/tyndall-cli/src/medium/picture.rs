@@ -128,7 +128,10 @@ impl<'a> Renderer<'a> {
             Found::Cache(cache) => self.march(view, Illumination::Cached(cache))?,
             Found::BruteForce(brute) => self.march(view, Illumination::BruteForce(brute))?,
         };
-        if pixels.iter().all(|pixel| pixel.transmittance == tyndall::Vec3::ONE) {
+        let shows_nothing = |pixel: &Pixel| {
+            pixel.transmittance == tyndall::Vec3::ONE && pixel.scattered == tyndall::Vec3::ZERO
+        };
+        if pixels.iter().all(shows_nothing) {
             let text =
                 "nothing of the medium is in the picture — where does the camera look? (--look-at, --eye)";
             return Err(Failure::Unseen(text.into()));

@@ -58,14 +58,20 @@ impl Grid {
         &self.file
     }
 
-    /// Reads the density.
-    pub(crate) fn density(&self, report: &Report) -> Outcome<Described> {
+    /// Reads the density, or another array of the same file.
+    pub(crate) fn density(&self, array: Option<&str>, report: &Report) -> Outcome<Described> {
         let Self { file, scale, .. } = self;
         let (size, spacing) = match (self.size, self.spacing) {
+            (Some(_), Some(_)) if array.is_some() => {
+                let what = format!("a raw file has no other grid '{}' to emit by", array.unwrap_or_default());
+                return Err(Error::format(file, "[grid]", what, "take OpenVDB or VTK").into());
+            }
             (Some(size), Some(spacing)) if self.array.is_none() => (size, spacing),
             (None, None) if self.sample.is_none() && self.origin.is_none() => {
-                let array = self.array.as_deref();
-                return Ok(read::described_density(file, array, *scale, report.progress())?);
+                // The scale is that of the density alone.
+                let scale = if array.is_some() { 1.0 } else { *scale };
+                let array = array.or(self.array.as_deref());
+                return Ok(read::described_density(file, array, scale, report.progress())?);
             }
             _ => {
                 let what = "[grid] is neither that of a raw file nor that of an OpenDX, OpenVDB or VTK file";

@@ -13,6 +13,7 @@ mod medium;
 mod outputs;
 mod periodic;
 mod pictures;
+mod project;
 mod scenes;
 mod stop;
 

@@ -81,6 +81,123 @@ fn an_orbit_lights_the_medium_once() {
     assert_eq!(folder.names(), ["a.0.png", "a.1.png", "a.2.png"]);
 }
 
+const SMOKE: &str = "synthetic:smoke?n=3000 --mode medium --grid 16 --up 0,1,0";
+
+#[test]
+fn matter_glows_by_its_temperature_a_quantity_or_evenly() {
+    let folder = Folder::new();
+    let fire = format!("{SMOKE} --light sky:0 --emission");
+    let said = folder.render(&format!("{fire} blackbody:temperature -o fire.png")).fine();
+    for part in [
+        "optics scattering and emission",
+        "k per ",
+        "black body of temperature",
+        "has luminance 1",
+        "albedo 0.3",
+    ] {
+        assert!(said.contains(part), "'{part}' is not in: {said}");
+    }
+    let (pixels, _, texts) = png(&folder.path("fire.png"));
+    let sum = |channel: usize| pixels[channel..].iter().step_by(3).map(|it| u64::from(*it)).sum::<u64>();
+    assert!(
+        sum(0) > 500 && sum(0) > 2 * sum(1) && sum(1) >= sum(2),
+        "fire is red: {} {} {}",
+        sum(0),
+        sum(1),
+        sum(2)
+    );
+    assert!(texts.iter().any(|(key, text)| key == "Guesses" && text.contains("black body of temperature")));
+    folder.render(&format!("{fire} blackbody -o same.png")).fine();
+    assert_eq!(png(&folder.path("same.png")).0, pixels, "it finds the temperature itself");
+    let said = folder.render(&format!("{fire} 2*age --cmap viridis -o age.png")).fine();
+    assert!(said.contains("emission 2*age viridis"), "{said}");
+    let said = folder.render(&format!("{fire} 1,0.5,0.25 --emission-scale 2 -o even.png")).fine();
+    assert!(said.contains("emission 1,0.5,0.25 · emission times 2"), "{said}");
+}
+
+#[test]
+fn optics_are_chosen_by_name() {
+    let folder = Folder::new();
+    let mut means = Vec::new();
+    for (words, part) in [
+        ("--optics absorption", "dL/ds = -k L"),
+        ("--optics emission", "dL/ds = k B,"),
+        ("--optics emission --method reference --samples 1", "path tracer"),
+        ("--optics emission-absorption --color temperature", "emission temperature inferno log"),
+        (
+            "--optics emission-absorption --emission blackbody:temperature@1100",
+            "1100 K has luminance 1 (given)",
+        ),
+    ] {
+        let said = folder.render(&format!("{SMOKE} {words} -o a.png")).fine();
+        assert!(said.contains(part), "'{part}' is not in: {said}");
+        means.push(brightness(&folder, "a.png"));
+    }
+    // What absorbs darkens the white behind it; what only emits is the same for march and path tracer.
+    assert!(means[0] > 150.0 && means[0] < 254.0, "{means:?}");
+    assert!((means[1] / means[2] - 1.0).abs() < 0.02, "{means:?}");
+}
+
+#[test]
+fn looks_are_defaults_by_name() {
+    let folder = Folder::new();
+    let smoke = "synthetic:smoke?n=2000 --grid 16 --samples 1 --up 0,1,0";
+    for (look, thickness) in [
+        ("smoke", "5"),
+        ("cloud", "20"),
+        ("steam", "2.5"),
+        ("dust", "4"),
+        ("fire", "2"),
+        ("explosion", "12"),
+        ("nebula", "1"),
+        ("spray", "1.5"),
+        ("foam", "12"),
+    ] {
+        let said = folder.render(&format!("{smoke} --mode medium --look {look} -o {look}.png")).fine();
+        let wanted = format!("the median column is {thickness} thick · look {look} · albedo ");
+        assert!(said.contains(&wanted), "{said}");
+        assert!(brightness(&folder, &format!("{look}.png")) > 1.0, "{look}");
+    }
+    let said =
+        folder.render(&format!("{smoke} --look fire --albedo 0.9 --g 0.5 --emission none -o b.png")).fine();
+    assert!(said.contains("albedo 0.9, g 0.5") && !said.contains("black body"), "{said}");
+    folder.render("synthetic:packed?n=9 --look fire -o a.png").fails(2, &["no attribute 'temperature'"]);
+    folder.render("synthetic:packed?n=9 --look dust -o a.png").fails(2, &["--mode medium"]);
+    folder.render(&format!("{smoke} --mode project --look fire -o a.png")).fails(2, &["--look"]);
+}
+
+#[test]
+fn emission_that_cannot_be_says_why() {
+    let folder = Folder::new();
+    for (words, part) in [
+        ("--emission blackbody:temprature", "did you mean 'temperature'?"),
+        ("--emission ages", "did you mean 'age'?"),
+        ("--emission blackbody:age", "are these kelvins?"),
+        ("--emission blackbody:temperature@20", "from 500 to 1e9"),
+        ("--emission blackbody:age-2", "kelvins of at least 0"),
+        ("--emission-scale 0", "--emission-scale"),
+        ("--optics absorption --emission 1", "emits nothing"),
+        ("--optics emission --albedo 0.5", "scatters nothing"),
+    ] {
+        folder.render(&format!("{SMOKE} {words} -o a.png")).fails(2, &[part]);
+    }
+    let cold = format!("{CLOUD} --emission blackbody -o a.png");
+    folder.render(&cold).fails(2, &["no attribute 'temperature'", "available: "]);
+}
+
+#[test]
+fn a_grid_glows_by_a_temperature_beside_it() {
+    let folder = Folder::new();
+    folder.line("convert synthetic:smoke?n=3000 -o a.vdb --grid 16 --fields density,temperature").fine();
+    let words = "--light sky:0 --eye 10,8,60 --look-at 10,8,8 --emission blackbody:temperature";
+    let said = folder.render(&format!("a.vdb --up 0,1,0 {words} -o grid.png")).fine();
+    assert!(said.contains("black body of temperature"), "{said}");
+    folder.render(&format!("{SMOKE} {words} -o particles.png")).fine();
+    let ratio = brightness(&folder, "grid.png") / brightness(&folder, "particles.png");
+    assert!((0.8..1.25).contains(&ratio), "{ratio}");
+    folder.render("a.vdb --emission blackbody:heat -o a.png").fails(2, &["heat"]);
+}
+
 const SCENE: &str = "
 [grid]
 file = 'block.raw'

@@ -1,0 +1,298 @@
+//! What a medium gives off: how the command line says it, which quantity it is of, and what light that makes.
+
+use std::str::FromStr;
+
+use rayon::prelude::*;
+use tyndall::medium::density::Field;
+use tyndall::medium::grid::{BRICK, Lattice};
+use tyndall::medium::{BlackBody, Emission, Grid};
+use tyndall::particles::{Attribute, Particles, Values as Column};
+use tyndall::scene::color::Legend;
+use tyndall::scene::coloring::Coloring;
+use tyndall::scene::quantity::{Component, Quantity};
+use tyndall::scene::short;
+use tyndall::{Error, Result};
+
+use super::args::OpticsName;
+use super::looks;
+use super::values::Rgb;
+use crate::args::Render;
+use crate::report::Outcome;
+
+/// What the flag says.
+const FLAG: &str = "--emission";
+/// Attributes that a temperature may be called, best first.
+const TEMPERATURES: [&str; 5] = ["temperature", "Temperatures", "temp", "T", "heat"];
+/// Share of the mass that is colder than the temperature of luminance 1.
+const REFERENCE_SHARE: f64 = 0.99;
+
+/// What is given off.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) enum EmissionSpec {
+    /// Nothing.
+    None,
+    /// The same radiance everywhere.
+    Even([f32; 3]),
+    /// Black bodies of the temperature of that name, by default one that is called so, and the temperature of luminance 1.
+    BlackBody(Option<String>, Option<f64>),
+    /// A quantity, through a color map.
+    Quantity(String),
+}
+
+impl FromStr for EmissionSpec {
+    type Err = Error;
+
+    fn from_str(text: &str) -> Result<Self> {
+        let text = text.trim();
+        if let Some(rest) = text.strip_prefix("blackbody") {
+            let wanted =
+                "blackbody, blackbody:NAME or blackbody:NAME@KELVINS, with the temperature of luminance 1";
+            let bad = || Error::setting(FLAG, text, wanted);
+            let rest = match rest.strip_prefix(':') {
+                Some(rest) if !rest.is_empty() => rest,
+                None if rest.is_empty() => return Ok(Self::BlackBody(None, None)),
+                _ => return Err(bad()),
+            };
+            let (name, reference) = match rest.rsplit_once('@') {
+                Some((name, kelvins)) => (name, Some(kelvins.trim().parse().map_err(|_| bad())?)),
+                None => (rest, None),
+            };
+            reference.map(BlackBody::new).transpose()?;
+            return if name.is_empty() {
+                Err(bad())
+            } else {
+                Ok(Self::BlackBody(Some(name.into()), reference))
+            };
+        }
+        match (text, text.parse::<Rgb>()) {
+            ("", _) => Err(Error::setting(FLAG, text, "blackbody:NAME, a quantity, a number, R,G,B or none")),
+            ("none", _) => Ok(Self::None),
+            (_, Ok(Rgb(radiance))) => Emission::even(radiance).map(|_| Self::Even(radiance)),
+            _ => Ok(Self::Quantity(text.into())),
+        }
+    }
+}
+
+impl EmissionSpec {
+    /// What the command line asks for: emission, or where the optics want some the color.
+    pub(super) fn of(args: &Render) -> Self {
+        match (&args.medium.emission, args.medium.optics) {
+            (Some(spec), _) => spec.clone(),
+            (None, OpticsName::Scattering) => looks::of(args.look.look).map_or(Self::None, |it| it.emission),
+            (None, OpticsName::Absorption) => Self::None,
+            (None, _) => match &args.look.color {
+                Coloring::Constant(color) => Self::Even(*color),
+                Coloring::Attribute { name, component } => Self::Quantity(match component {
+                    None => name.clone(),
+                    Some(Component::Magnitude) => format!("|{name}|"),
+                    Some(Component::Index(place)) => format!("{name}.{place}"),
+                }),
+                Coloring::Auto | Coloring::Element | Coloring::Type => Self::Even([1.0; 3]),
+            },
+        }
+    }
+
+    /// The particles with the quantity that it is of as an attribute, and that attribute's name; `None` if it is of none.
+    pub(super) fn prepare(&self, particles: Particles) -> Outcome<(Particles, Option<String>)> {
+        let (name, is_temperature) = match self {
+            Self::None | Self::Even(_) => return Ok((particles, None)),
+            Self::BlackBody(Some(name), _) => (name.clone(), true),
+            Self::BlackBody(None, _) => {
+                let known = TEMPERATURES.iter().find(|&&name| particles.attribute(name).is_some());
+                (known.unwrap_or(&TEMPERATURES[0]).to_string(), true)
+            }
+            Self::Quantity(name) => (name.clone(), false),
+        };
+        let (name, numbers) = {
+            let quantity = find(&particles, FLAG, &name)?;
+            let ids = (0..particles.len()).into_par_iter();
+            if is_temperature && let Some(id) = ids.clone().find_first(|&id| quantity.value(id) < 0.0) {
+                let value = format!("{} (particle {})", short(quantity.value(id)), particles.place(id));
+                return Err(Error::setting(format!("{FLAG} {name}"), value, "kelvins of at least 0").into());
+            }
+            match quantity.scalar() {
+                Some(attribute) => (attribute.name.clone(), None),
+                None => {
+                    let numbers: Vec<f32> = ids.map(|id| quantity.value(id) as f32).collect();
+                    (quantity.label().to_string(), Some(numbers))
+                }
+            }
+        };
+        let Some(numbers) = numbers else { return Ok((particles, Some(name))) };
+        let attribute = Attribute::new(name.clone(), 1, Column::F32(numbers));
+        Ok((particles.with_attribute(attribute)?, Some(name)))
+    }
+
+    /// Which grid of a file of grids it is of; `None` if of none.
+    pub(super) fn grid(&self) -> Option<&str> {
+        match self {
+            Self::None | Self::Even(_) => None,
+            Self::BlackBody(name, _) => Some(name.as_deref().unwrap_or(TEMPERATURES[0])),
+            Self::Quantity(name) => Some(name),
+        }
+    }
+}
+
+/// A quantity of the particles as the command line writes it; what is wrong is said of `flag`.
+pub(crate) fn find<'a>(particles: &'a Particles, flag: &str, text: &str) -> Result<Quantity<'a>> {
+    let found = match text.parse()? {
+        Coloring::Attribute { name, component } => Quantity::find(particles, &name, component),
+        _ => Quantity::find(particles, text, None),
+    };
+    found.map_err(|error| match error {
+        Error::Setting { value, allowed, .. } => Error::setting(flag, value, allowed),
+        error => error,
+    })
+}
+
+/// A quantity on the lattice of a density.
+pub(super) enum Values {
+    /// Of particles: its products with the density.
+    Means(Field),
+    /// Of a file: a grid of its own.
+    Own(Grid),
+}
+
+impl Values {
+    /// At a sample at which the density is not 0.
+    fn at(&self, density: &Grid, sample: [u32; 3]) -> f64 {
+        let [i, j, k] = sample;
+        match self {
+            Self::Means(field) => f64::from(field.product.value(i, j, k)) / f64::from(density.value(i, j, k)),
+            Self::Own(grid) => f64::from(grid.density(density.lattice().position(sample))),
+        }
+    }
+
+    /// Values and densities of the samples with density.
+    fn weighted(&self, density: &Grid) -> Vec<(f64, f64)> {
+        let lattice = density.lattice();
+        let of_brick = |number: usize| {
+            let filled = density.brick_range(lattice.brick(number)).max > 0.0;
+            let samples = filled.then(|| samples(lattice, lattice.brick(number)));
+            let pair = |[i, j, k]: [u32; 3]| {
+                let weight = f64::from(density.value(i, j, k));
+                (weight > 0.0).then(|| (self.at(density, [i, j, k]), weight))
+            };
+            samples.into_iter().flatten().filter_map(pair).collect::<Vec<_>>()
+        };
+        (0..lattice.brick_count()).into_par_iter().flat_map_iter(of_brick).collect()
+    }
+}
+
+/// The samples of a brick that are in the lattice.
+fn samples(lattice: Lattice, brick: [u32; 3]) -> impl Iterator<Item = [u32; 3]> {
+    let all =
+        (0..BRICK.pow(3)).map(move |place| [place % BRICK, place / BRICK % BRICK, place / (BRICK * BRICK)]);
+    let at = all.map(move |place| std::array::from_fn(|axis| brick[axis] * BRICK + place[axis]));
+    at.filter(move |at: &[u32; 3]| (0..3).all(|axis| at[axis] < lattice.size[axis]))
+}
+
+/// How a quantity becomes light: found on the first frame, and kept.
+#[derive(Clone)]
+pub(super) enum Source {
+    Even([f32; 3]),
+    BlackBody(BlackBody),
+    Map(Box<Legend>),
+}
+
+impl Source {
+    /// What the emission of a first frame is to be, and how it is told; `None` if there is none.
+    pub(super) fn of(
+        args: &Render,
+        spec: &EmissionSpec,
+        density: &Grid,
+        values: Option<&Values>,
+    ) -> Outcome<Option<(Self, String)>> {
+        let (Some(values), name) = (values, spec.grid().unwrap_or_default()) else {
+            return Ok(match spec {
+                EmissionSpec::Even(radiance) => {
+                    Some((Self::Even(*radiance), format!("emission {}", super::shown(*radiance))))
+                }
+                _ => None,
+            });
+        };
+        let mut weighted = values.weighted(density);
+        if let EmissionSpec::BlackBody(_, reference) = spec {
+            let (kelvins, how) = match reference {
+                Some(kelvins) => (*kelvins, "given"),
+                None => (quantile(&mut weighted), "99 % of the mass is colder"),
+            };
+            let body = BlackBody::new(kelvins).map_err(|_| {
+                let value = format!("{} K at most", short(kelvins));
+                let hint = "temperatures of 500 K and more glow: are these kelvins? (--emission blackbody:NAME@KELVINS, or \"blackbody:1000*NAME\")";
+                Error::setting(format!("{FLAG} blackbody:{name}"), value, hint)
+            })?;
+            let text = format!("black body of {name}: {} K has luminance 1 ({how})", short(kelvins));
+            return Ok(Some((Self::BlackBody(body), text)));
+        }
+        let look = &args.look;
+        let numbers: Vec<f64> = weighted.iter().map(|(value, _)| *value).collect();
+        let norm = if look.log { Some(tyndall::scene::coloring::Norm::Log) } else { look.norm };
+        let (legend, text) = Legend::of_numbers(name, &numbers, look.cmap.as_ref(), norm, look.range)?;
+        Ok(Some((Self::Map(Box::new(legend)), format!("emission {text}"))))
+    }
+
+    /// The emission of a density.
+    pub(super) fn emission(
+        &self,
+        args: &Render,
+        density: &Grid,
+        values: Option<&Values>,
+    ) -> Outcome<Emission> {
+        let scale = args.medium.emission_scale;
+        let emission = match (self, values) {
+            (Self::Even(radiance), _) => Emission::even(radiance.map(|it| scale * it))?,
+            (_, None) => Emission::even([0.0; 3])?,
+            (source, Some(values)) => Emission::of(density, |sample| {
+                let value = values.at(density, sample);
+                let radiance = match source {
+                    Self::BlackBody(body) => body.radiance(value),
+                    Self::Map(legend) => legend.color(value),
+                    Self::Even(radiance) => *radiance,
+                };
+                radiance.map(|it| scale * it)
+            }),
+        };
+        Ok(if args.medium.optics == OpticsName::Emission { emission.additive() } else { emission })
+    }
+}
+
+/// The value below which a share of all weight lies.
+fn quantile(weighted: &mut [(f64, f64)]) -> f64 {
+    weighted.par_sort_unstable_by(|(a, _), (b, _)| a.total_cmp(b));
+    let total: f64 = weighted.iter().map(|(_, weight)| weight).sum();
+    let mut sum = 0.0;
+    let reached = weighted.iter().find(|(_, weight)| {
+        sum += weight;
+        sum >= REFERENCE_SHARE * total
+    });
+    reached.or(weighted.last()).map_or(0.0, |(value, _)| *value)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn emission_is_read_as_it_is_written() {
+        let read = |text: &str| text.parse::<EmissionSpec>();
+        let body = |name: &str, reference| EmissionSpec::BlackBody(Some(name.into()), reference);
+        assert_eq!(read("blackbody").unwrap(), EmissionSpec::BlackBody(None, None));
+        assert_eq!(read("blackbody:T").unwrap(), body("T", None));
+        assert_eq!(read("blackbody:1000*T@1500").unwrap(), body("1000*T", Some(1500.0)));
+        assert_eq!(read("2,1,0.5").unwrap(), EmissionSpec::Even([2.0, 1.0, 0.5]));
+        assert_eq!(read("|v|").unwrap(), EmissionSpec::Quantity("|v|".into()));
+        assert_eq!(read("none").unwrap(), EmissionSpec::None);
+        for bad in ["", "blackbody:", "blackbody:T@x", "blackbody:@900", "blackbodyT", "blackbody:T@20", "-1"]
+        {
+            assert!(read(bad).is_err(), "{bad}");
+        }
+    }
+
+    #[test]
+    fn the_quantile_is_of_the_weight() {
+        let mut weighted = [(3.0, 97.0), (9.0, 0.5), (5.0, 2.5)];
+        assert_eq!(quantile(&mut weighted), 5.0);
+        assert_eq!(quantile(&mut []), 0.0);
+    }
+}
