@@ -83,7 +83,8 @@ fn text(sequence: &Sequence, number: usize, frame: &Frame, structure: Option<Str
         lines.push(format!("bounds x {} · y {} · z {}{unit}", side(0), side(1), side(2)));
     }
     if let Some(time) = particles.time() {
-        lines.push(format!("time {time}"));
+        let unit = particles.time_unit().map_or(String::new(), |unit| format!(" ({unit})"));
+        lines.push(format!("time {time}{unit}"));
     }
     let columns: Vec<String> = particles.attributes().iter().map(column).collect();
     lines.push(match columns.is_empty() {

@@ -25,6 +25,7 @@ pub(crate) fn describe(sequence: &Sequence, number: usize, frame: &Frame) -> Str
         "bounds": bounds,
         "cell": cell,
         "time": particles.time(),
+        "time_unit": particles.time_unit(),
         "length_unit": particles.length_unit(),
         "bonds": particles.bonds().len(),
         "attributes": particles.attributes().iter().map(attribute).collect::<Vec<_>>(),

@@ -222,6 +222,8 @@ pub struct Columns {
     pub cell: Option<Cell>,
     /// The simulation's time or step.
     pub time: Option<f64>,
+    /// The unit of the time, where the file or its format tells: `ps`; `step` where steps are counted, `a` of a scale factor.
+    pub time_unit: Option<String>,
     /// The unit of lengths, where the file or its format tells.
     pub length_unit: Option<String>,
     /// Pairs of particles that are bonded, by their places in the columns.
@@ -263,6 +265,7 @@ pub struct Particles {
     radii: Option<Radii>,
     cell: Option<Cell>,
     time: Option<f64>,
+    time_unit: Option<String>,
     length_unit: Option<String>,
     dropped: Dropped,
     places: Option<Frozen<u64>>,
@@ -280,7 +283,8 @@ impl Particles {
     ///
     /// Fails with [`Error::Setting`] if a column's length does not fit or there are 2^32 - 1 particles or more.
     pub fn new(columns: Columns) -> Result<Self> {
-        let Columns { mut positions, mut attributes, radii, cell, time, length_unit, bonds } = columns;
+        let Columns { mut positions, mut attributes, radii, cell, time, time_unit, length_unit, bonds } =
+            columns;
         let count = positions.len();
         check_lengths(count, &attributes)?;
         let radii = radii.or_else(|| radii_by_name(&attributes));
@@ -306,7 +310,19 @@ impl Particles {
         }
         let bonds = checked_bonds(bonds, count, places.as_deref());
         let bounds = OnceLock::new();
-        Ok(Self { positions, attributes, radii, cell, time, length_unit, dropped, places, bonds, bounds })
+        Ok(Self {
+            positions,
+            attributes,
+            radii,
+            cell,
+            time,
+            time_unit,
+            length_unit,
+            dropped,
+            places,
+            bonds,
+            bounds,
+        })
     }
 
     /// Takes columns that [`Particles::new`] has checked before, as they were saved, with what else it knew. Nothing is looked at but
@@ -314,7 +330,7 @@ impl Particles {
     ///
     /// Fails with [`Error::Setting`] if a length does not fit, or the radii refer to an attribute that is not there.
     pub fn restore(columns: Columns, entry: Entry) -> Result<Self> {
-        let Columns { positions, attributes, radii, cell, time, length_unit, bonds } = columns;
+        let Columns { positions, attributes, radii, cell, time, time_unit, length_unit, bonds } = columns;
         let Entry { dropped, places, bounds } = entry;
         let count = positions.len();
         check_lengths(count, &attributes)?;
@@ -332,7 +348,19 @@ impl Particles {
         }
         let bonds = checked_bonds(bonds, count, None);
         let bounds = OnceLock::from(bounds);
-        Ok(Self { positions, attributes, radii, cell, time, length_unit, dropped, places, bonds, bounds })
+        Ok(Self {
+            positions,
+            attributes,
+            radii,
+            cell,
+            time,
+            time_unit,
+            length_unit,
+            dropped,
+            places,
+            bonds,
+            bounds,
+        })
     }
 
     /// Whether all positions are finite, and all radii neither negative nor infinite.
@@ -449,6 +477,11 @@ impl Particles {
     /// The simulation's time or step.
     pub fn time(&self) -> Option<f64> {
         self.time
+    }
+
+    /// The unit of the time, where it is known: `step` where steps are counted, `a` of a cosmological scale factor.
+    pub fn time_unit(&self) -> Option<&str> {
+        self.time_unit.as_deref()
     }
 
     /// The unit of lengths.

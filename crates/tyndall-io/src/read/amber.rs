@@ -120,6 +120,11 @@ pub(crate) fn frame(
         let [value] = directory.numbers::<1>(bytes, time, record)?;
         Some(value * factor(time).unwrap_or(1.0))
     });
+    let time_unit = directory.variable("time").and_then(|time| time.text("units"));
+    columns.time_unit = match time_unit.map(str::to_ascii_lowercase).as_deref() {
+        None | Some("picosecond" | "picoseconds") => Some("ps".to_string()),
+        _ => time_unit.map(str::to_string),
+    };
     columns.length_unit = match unit.map(str::to_ascii_lowercase).as_deref() {
         None | Some("angstrom" | "angstroms" | "a") => Some("Å".to_string()),
         Some("nanometer" | "nanometers" | "nm") => Some("nm".to_string()),

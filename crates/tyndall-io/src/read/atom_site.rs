@@ -219,6 +219,7 @@ impl AtomSite {
             radii: None,
             cell: entry.cell(&mut conventions),
             time: None,
+            time_unit: None,
             length_unit: Some("Å".to_string()),
             bonds,
         };

@@ -248,6 +248,7 @@ pub(crate) fn frame(
         positions,
         cell: found,
         time: Some(step as f64),
+        time_unit: Some("step".to_string()),
         length_unit: Some("Å".to_string()),
         ..Columns::default()
     };

@@ -449,6 +449,7 @@ pub(crate) fn frame(
     gathered.attributes.insert(0, snapshot::type_attribute(runs));
     gathered.cell = cell;
     gathered.time = own.header.time.is_finite().then_some(own.header.time);
+    gathered.time_unit = own.header.expands().then(|| "a".to_string());
 
     let is_whole = missing.is_none() && own.header.files > 1;
     let mut warnings: Vec<String> = missing.into_iter().collect();

@@ -256,6 +256,7 @@ pub(crate) fn frame(feed: &mut Feed, request: &Request, progress: &dyn Progress)
         radii: None,
         cell,
         time: time(&title),
+        time_unit: Some("ps".to_string()),
         length_unit: Some("nm".to_string()),
         bonds: Vec::new(),
     };

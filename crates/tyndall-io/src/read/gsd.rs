@@ -326,6 +326,7 @@ pub(crate) fn frame(
         dimensions == 2.0,
     );
     columns.time = Some(chunks.numbers::<1>("configuration/step").map_or(0.0, |it| it[0]));
+    columns.time_unit = Some("step".to_string());
     if let Some(entry) = chunks.any("bonds/group").filter(|it| it.columns == 2 && it.kind.is_some()) {
         let source = chunks.source(&entry);
         let [one, other] = [0, 1].map(|end| source.component(end));

@@ -236,6 +236,7 @@ pub(crate) fn frame(feed: &mut Feed, request: &Request, progress: &dyn Progress)
         radii: None,
         cell,
         time: header.time.or(header.step),
+        time_unit: time_unit(header.time.is_some(), header.units.as_deref().or(request.units)),
         length_unit: header.units.as_deref().or(request.units).and_then(length_unit).map(str::to_string),
         bonds: Vec::new(),
     };
@@ -295,6 +296,20 @@ pub(super) fn length_unit(units: &str) -> Option<&'static str> {
         "nano" => Some("nm"),
         _ => None,
     }
+}
+
+/// The unit of a time in a LAMMPS unit system, or `step`, where the dump has no time but the number of a step; `lj` has none.
+pub(super) fn time_unit(is_time: bool, units: Option<&str>) -> Option<String> {
+    let unit = match units {
+        _ if !is_time => "step",
+        Some("real" | "electron") => "fs",
+        Some("metal") => "ps",
+        Some("si" | "cgs") => "s",
+        Some("micro") => "µs",
+        Some("nano") => "ns",
+        _ => return None,
+    };
+    Some(unit.to_string())
 }
 
 /// The warning if coordinates that are said to be real fill 0..1 in a cell that is far from unit size.

@@ -291,6 +291,7 @@ pub(crate) fn frame(
     columns.cell = Some(header.cell);
     columns.time = header.time.or(Some(header.step as f64));
     let units = header.units.as_deref().or(request.units);
+    columns.time_unit = lammps::time_unit(header.time.is_some(), units);
     columns.length_unit = units.and_then(lammps::length_unit).map(str::to_string);
     let conventions = lammps::conventions(names, axes, Some(&header.cell), scaled);
     let mut frame = records::frame(columns, conventions, vec![])?;

@@ -279,6 +279,7 @@ pub(crate) fn frame(feed: &mut Feed, request: &Request, progress: &dyn Progress)
         radii: None,
         cell: Some(header.cell),
         time: header.title_value("timestep").and_then(|it| it.parse().ok()),
+        time_unit: Some("step".to_string()),
         length_unit: header.title_value("units").and_then(lammps::length_unit).map(str::to_string),
         bonds,
     };

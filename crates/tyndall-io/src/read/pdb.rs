@@ -277,6 +277,8 @@ pub(crate) fn frame(
         radii: None,
         cell,
         time,
+        // GROMACS writes it.
+        time_unit: time.map(|_| "ps".to_string()),
         length_unit: Some("Å".to_string()),
         bonds,
     };

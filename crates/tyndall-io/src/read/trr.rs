@@ -173,6 +173,7 @@ pub(crate) fn frame(
     }
     columns.cell = cell;
     columns.time = Some(header.time);
+    columns.time_unit = Some("ps".to_string());
     columns.length_unit = Some("nm".to_string());
     let mut conventions = vec!["lengths: nm (TRR convention)".to_string()];
     request.complete(&mut columns, path, span, &mut conventions)?;

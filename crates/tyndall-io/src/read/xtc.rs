@@ -146,6 +146,7 @@ pub(crate) fn frame(
         positions,
         cell,
         time: Some(header.time.into()),
+        time_unit: Some("ps".to_string()),
         length_unit: Some("nm".to_string()),
         ..Columns::default()
     };

@@ -126,6 +126,8 @@ pub(crate) fn frame(feed: &mut Feed, request: &Request, progress: &dyn Progress)
             .or(value("Step"))
             .and_then(|it| it.parse().ok())
             .or_else(|| lammps_step(&comment)),
+        // A time's unit is not agreed upon; a step has none.
+        time_unit: (value("Time").is_none()).then(|| "step".to_string()),
         length_unit: Some("Å".to_string()),
         bonds: Vec::new(),
     };

@@ -29,6 +29,8 @@ pub(super) struct About {
     bounds: Box3,
     pub(super) cell: Option<Cell>,
     pub(super) time: Option<f64>,
+    #[serde(default)]
+    pub(super) time_unit: Option<String>,
     pub(super) length_unit: Option<String>,
     pub(super) dropped: Lost,
     pub(super) attributes: Vec<Attribute>,
@@ -234,6 +236,7 @@ impl About {
                 periodic: cell.periodic,
             }),
             time: particles.time().filter(|time| time.is_finite()),
+            time_unit: particles.time_unit().map(str::to_string),
             length_unit: particles.length_unit().map(str::to_string),
             dropped: Lost { position: dropped.position, radius: dropped.radius },
             attributes: particles.attributes().iter().map(attribute).collect(),

@@ -99,6 +99,7 @@ impl<'a> Contents<'a> {
             radii: Some(about.radii.radii()),
             cell: about.cell.map(about::Cell::cell),
             time: about.time,
+            time_unit: about.time_unit.clone(),
             length_unit: about.length_unit.clone(),
             bonds: Vec::new(),
         };

@@ -50,6 +50,7 @@ fn cloud(count: usize) -> Particles {
             periodic: [true, false, true],
         }),
         time: Some(0.1 + 0.2),
+        time_unit: Some("ps".into()),
         length_unit: Some("Å".into()),
         bonds: Vec::new(),
     })
@@ -120,8 +121,8 @@ fn is_same_cloud(a: &Particles, b: &Particles) -> bool {
     let places = |it: &Particles| (0..it.len()).map(|id| it.place(id)).collect::<Vec<_>>();
     a.positions() == b.positions()
         && a.attributes() == b.attributes()
-        && (a.radii(), a.cell(), a.time(), a.length_unit())
-            == (b.radii(), b.cell(), b.time(), b.length_unit())
+        && (a.radii(), a.cell(), a.time(), a.time_unit(), a.length_unit())
+            == (b.radii(), b.cell(), b.time(), b.time_unit(), b.length_unit())
         && (a.dropped(), a.bounds(), places(a)) == (b.dropped(), b.bounds(), places(b))
 }
 

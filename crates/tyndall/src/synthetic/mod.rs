@@ -275,6 +275,7 @@ fn make(plan: Plan, count: u64, radius: Option<f32>, progress: &dyn Progress) ->
         radii: Some(radius.map_or(plan.radii, Radii::Uniform)),
         cell: plan.cell,
         time: None,
+        time_unit: None,
         length_unit: plan.length_unit.map(String::from),
         bonds: Vec::new(),
     })

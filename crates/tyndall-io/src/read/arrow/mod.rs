@@ -120,6 +120,7 @@ impl<'a> Table<'a> {
             radii: about.radius.map(Radii::Uniform),
             cell: about.cell,
             time: about.time,
+            time_unit: about.time_unit,
             length_unit: about.length_unit.or(plan.length_unit),
             bonds: Vec::new(),
         };
@@ -134,6 +135,7 @@ pub(crate) const ABOUT: &str = "tyndall";
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct About {
     pub(crate) time: Option<f64>,
+    pub(crate) time_unit: Option<String>,
     pub(crate) length_unit: Option<String>,
     pub(crate) cell: Option<Cell>,
     pub(crate) radius: Option<f32>,
@@ -150,7 +152,8 @@ impl About {
             })
         });
         let all = serde_json::json!({
-            "time": self.time, "length_unit": self.length_unit, "cell": cell, "radius": self.radius,
+            "time": self.time, "time_unit": self.time_unit, "length_unit": self.length_unit, "cell": cell,
+            "radius": self.radius,
         });
         all.to_string()
     }
@@ -173,6 +176,7 @@ impl About {
         };
         Some(Self {
             time: all["time"].as_f64(),
+            time_unit: all["time_unit"].as_str().map(str::to_string),
             length_unit: all["length_unit"].as_str().map(str::to_string),
             cell: cell(),
             radius: all["radius"].as_f64().map(|it| it as f32).filter(|it| (0.0..f32::INFINITY).contains(it)),
@@ -188,6 +192,7 @@ mod tests {
     fn what_stands_beside_the_columns_is_written_and_read() {
         let about = About {
             time: Some(0.1),
+            time_unit: Some("ps".to_string()),
             length_unit: Some("Å".to_string()),
             cell: Some(Cell {
                 origin: DVec3::new(0.1, -1e300, 1e-300),

@@ -189,7 +189,8 @@ pub(super) fn frame(tree: &Tree, options: &Options, progress: &dyn Progress) -> 
     let types = snapshot::type_attribute(names.iter().map(|(name, count)| (name.as_str(), *count)));
     gathered.attributes.insert(0, types);
     gathered.cell = cell;
-    gathered.time = header.number("Time").or(factors.a);
+    gathered.time = factors.a.or(header.number("Time"));
+    gathered.time_unit = factors.a.map(|_| "a".to_string());
     gathered.length_unit = factors.length_unit();
 
     warnings.extend(disagreement(&header, &trees, &program)?);

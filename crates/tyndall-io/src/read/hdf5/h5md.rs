@@ -163,6 +163,11 @@ pub(super) fn frame(tree: &Tree, frame: usize, options: &Options, progress: &dyn
     }
     gathered.cell = cell;
     gathered.time = time.or(step);
+    gathered.time_unit = match (time, &positions.series) {
+        (Some(_), Some(series)) => series.dataset("time")?.and_then(|it| it.attributes().text("unit")),
+        (None, Some(_)) => Some("step".to_string()),
+        (_, None) => None,
+    };
     gathered.length_unit = length_unit;
 
     let mut conventions = Vec::new();

@@ -146,6 +146,7 @@ pub(super) fn frame(tree: &Tree, number: usize, options: &Options, progress: &dy
         let attributes = group.attributes()?;
         let unit = attributes.number("timeUnitSI").unwrap_or(1.0);
         gathered.time = attributes.number("time").map(|it| it * unit);
+        gathered.time_unit = gathered.time.map(|_| "s".to_string());
     }
     let convention = "values are in SI units: what is stored times unitSI".to_string();
     records::frame(gathered, vec![convention], Vec::new())

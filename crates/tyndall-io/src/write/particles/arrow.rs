@@ -125,6 +125,7 @@ impl<'a> Table<'a> {
         }
         let about = About {
             time: particles.time(),
+            time_unit: particles.time_unit().map(str::to_string),
             length_unit: particles.length_unit().map(str::to_string),
             cell: particles.cell().cloned(),
             radius: snapshot.uniform_radius(),
