@@ -24,6 +24,7 @@ pub mod select;
 mod spacing;
 mod statistics;
 pub mod subset;
+pub mod units;
 pub mod viewpoint;
 pub mod wanted;
 

@@ -1,12 +1,13 @@
 //! An expression in particles: its names are found once, its value for every particle.
 
 use super::functions::{Function, MOST};
-use super::{Arithmetic, Comparison, Tree, Wanted, tokens};
+use super::{Arithmetic, Comparison, Tree, Wanted};
 use crate::error::Error;
 use crate::particles::{Attribute, Particles};
 use crate::random::{hash, unit_f64};
 use crate::scene::meaning::{Meaning, Words};
 use crate::scene::quantity::Quantity;
+use crate::scene::units::meters;
 
 /// See the module.
 #[derive(Clone, Debug)]
@@ -147,7 +148,7 @@ impl<'a> Binder<'a> {
     fn file_meters(&self) -> Result<f64, String> {
         let unit =
             self.0.length_unit().ok_or("the file does not say its unit of length: leave the unit out")?;
-        tokens::meters(unit)
+        meters(unit)
             .ok_or_else(|| format!("the file's unit of length, {unit}, is not known: leave the unit out"))
     }
 

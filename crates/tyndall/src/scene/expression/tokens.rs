@@ -1,5 +1,7 @@
 //! The words, numbers and signs of an expression.
 
+use crate::scene::units::meters;
+
 /// What a text is made of.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Token {
@@ -19,28 +21,6 @@ const SIGNS: [&str; 24] = [
     "<=", ">=", "==", "!=", "&&", "||", "**", "<", ">", "=", "!", "+", "-", "*", "/", "%", "^", "(", ")",
     "[", "]", ",", ":", "|",
 ];
-
-/// Units of length, in meters. Sources: BIPM, SI brochure, 9th edition; IAU 2012 and 2015 resolutions B2 (au, pc).
-const LENGTHS: [(&str, f64); 13] = [
-    ("Å", 1e-10),
-    ("angstrom", 1e-10),
-    ("pm", 1e-12),
-    ("nm", 1e-9),
-    ("um", 1e-6),
-    ("µm", 1e-6),
-    ("mm", 1e-3),
-    ("cm", 1e-2),
-    ("m", 1.0),
-    ("km", 1e3),
-    ("pc", 3.085_677_581_491_367e16),
-    ("kpc", 3.085_677_581_491_367e19),
-    ("Mpc", 3.085_677_581_491_367e22),
-];
-
-/// The unit of length of that name, in meters.
-pub(super) fn meters(unit: &str) -> Option<f64> {
-    LENGTHS.iter().find(|(name, _)| *name == unit).map(|&(_, meters)| meters)
-}
 
 /// Splits a text; each token with the character, counted from 1, at which it begins.
 pub(super) fn split(text: &str) -> Result<Vec<(usize, Token)>, String> {
