@@ -11,18 +11,20 @@ use crate::names::nearest;
 /// Levels of a smooth map.
 const LEVELS: usize = 256;
 
-/// Smooth maps in `colorous` that agree with matplotlib.
-const GRADIENTS: [(&str, colorous::Gradient); 5] = [
+/// Smooth maps in `colorous`: those that agree with matplotlib, and a cyclic one of even brightness.
+const GRADIENTS: [(&str, colorous::Gradient); 6] = [
     ("viridis", colorous::VIRIDIS),
     ("plasma", colorous::PLASMA),
     ("inferno", colorous::INFERNO),
     ("magma", colorous::MAGMA),
     ("cubehelix", colorous::CUBEHELIX),
+    ("sinebow", colorous::SINEBOW),
 ];
 
-/// Lists of colors in `colorous` that agree with matplotlib.
-const SCHEMES: [(&str, &[colorous::Color]); 9] = [
+/// Lists of colors in `colorous` that agree with matplotlib, and the newer colors of Tableau.
+const SCHEMES: [(&str, &[colorous::Color]); 10] = [
     ("tab10", &colorous::CATEGORY10),
+    ("tableau10", &colorous::TABLEAU10),
     ("Set1", &colorous::SET1),
     ("Set2", &colorous::SET2),
     ("Set3", &colorous::SET3),
@@ -34,7 +36,8 @@ const SCHEMES: [(&str, &[colorous::Color]); 9] = [
 ];
 
 /// Other spellings.
-const ALIASES: [(&str, &str); 2] = [("grey", "gray"), ("gist_gray", "gray")];
+const ALIASES: [(&str, &str); 4] =
+    [("grey", "gray"), ("gist_gray", "gray"), ("okabe-ito", "okabe_ito"), ("OkabeIto", "okabe_ito")];
 
 /// The names of all maps; each can be followed by `_r` for the reversed map.
 pub const NAMES: [&str; GRADIENTS.len() + KNOTS.len() + SCHEMES.len() + LISTS.len()] = {
@@ -220,7 +223,7 @@ mod tests {
         for name in NAMES {
             let map = Colormap::named(name).unwrap();
             assert_eq!(map.name(), name);
-            assert!(map.colors().len() == LEVELS || (8..=20).contains(&map.colors().len()), "{name}");
+            assert!(map.colors().len() == LEVELS || (7..=20).contains(&map.colors().len()), "{name}");
             let mut reversed = Colormap::named(&format!("{name}_r")).unwrap().colors().to_vec();
             reversed.reverse();
             assert_eq!(map.colors(), reversed, "{name}");

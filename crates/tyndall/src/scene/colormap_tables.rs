@@ -155,9 +155,10 @@ pub(super) const KNOTS: [(&str, &str); 60] = [
      "00008000 55000055 aa0080aa ffffffff"),
 ];
 
-/// Lists of distinct colors: name, and words `RRGGBB`.
+/// Lists of distinct colors: name, and words `RRGGBB`. Sources beside matplotlib, all for color-blind people too: M. Okabe and K. Ito,
+/// Color Universal Design, 2008; M. Petroff, Accessible Color Sequences for Data Visualization, 2021; P. Tol, Colour Schemes, 2021.
 #[rustfmt::skip]
-pub(super) const LISTS: [(&str, &str); 3] = [
+pub(super) const LISTS: [(&str, &str); 7] = [
     ("tab20",
      "1f77b4 aec7e8 ff7f0e ffbb78 2ca02c 98df8a d62728 ff9896 9467bd c5b0d5 8c564b c49c94 e377c2 f7b6d2 \
       7f7f7f c7c7c7 bcbd22 dbdb8d 17becf 9edae5"),
@@ -167,4 +168,12 @@ pub(super) const LISTS: [(&str, &str); 3] = [
     ("tab20c",
      "3182bd 6baed6 9ecae1 c6dbef e6550d fd8d3c fdae6b fdd0a2 31a354 74c476 a1d99b c7e9c0 756bb1 9e9ac8 \
       bcbddc dadaeb 636363 969696 bdbdbd d9d9d9"),
+    ("okabe_ito",
+     "e69f00 56b4e9 009e73 f0e442 0072b2 d55e00 cc79a7 000000"),
+    ("petroff10",
+     "3f90da ffa90e bd1f01 94a4a2 832db6 a96b59 e76300 b9ac70 717581 92dadd"),
+    ("tol_bright",
+     "4477aa ee6677 228833 ccbb44 66ccee aa3377 bbbbbb"),
+    ("tol_muted",
+     "cc6677 332288 ddcc77 117733 88ccee 882255 44aa99 999933 aa4499 dddddd"),
 ];
