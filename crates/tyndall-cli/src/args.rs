@@ -9,7 +9,7 @@ use glam::DVec3;
 use tyndall::film::Window;
 use tyndall::scene::bonding::Bonding;
 use tyndall::scene::camera_path::Key;
-use tyndall::scene::coloring::{Coloring, Norm, Range};
+use tyndall::scene::coloring::{self, Coloring, Norm, Range};
 use tyndall::scene::colormap::Colormap;
 use tyndall::scene::select::{Clip, Filter};
 use tyndall::scene::viewpoint::Side;
@@ -439,6 +439,15 @@ pub(crate) struct Look {
     /// Numbers of the first and last color: LOW:HIGH, full, or auto (1st to 99th percentile)
     #[arg(long, value_name = "LOW:HIGH", default_value = "auto", allow_hyphen_values = true)]
     pub(crate) range: Range,
+    /// Color of particles without a value: #rrggbb or a color's name [default: gray]
+    #[arg(long, value_name = "COLOR", value_parser = coloring::color)]
+    pub(crate) missing: Option<[u8; 3]>,
+    /// Color of numbers below the range [default: the first of the map]
+    #[arg(long, value_name = "COLOR", value_parser = coloring::color)]
+    pub(crate) below: Option<[u8; 3]>,
+    /// Color of numbers above the range [default: the last of the map]
+    #[arg(long, value_name = "COLOR", value_parser = coloring::color)]
+    pub(crate) above: Option<[u8; 3]>,
     /// One radius for all particles [default: the file's, else by element, else half the usual distance]
     #[arg(long, value_name = "R", value_parser = length, allow_hyphen_values = true)]
     pub(crate) radius: Option<f32>,

@@ -19,7 +19,7 @@ use std::time::Instant;
 use clap::Args;
 use tyndall::render::confidence::Options;
 use tyndall::scene::Scene;
-use tyndall::scene::coloring::{Coloring, Range};
+use tyndall::scene::coloring::{Coloring, Mapping};
 use tyndall::scene::light::Lighting;
 use tyndall::scene::{automatic, color};
 use tyndall::structure::{Kind, Structure, pkd, treelets};
@@ -141,7 +141,7 @@ fn evaluate(set: &'static Set, kind: Kind, args: &args::Bench, report: &Report) 
             build(particles.clone(), other, &mut structures, report)?;
         }
     }
-    let colors = color::resolve(&particles, &Coloring::default(), None, None, Range::Auto)?;
+    let colors = color::resolve(&particles, &Coloring::default(), &Mapping::default())?;
     let structure = build(particles, kind, &mut structures, report)?;
     let scene = Scene::new(structure, colors, Lighting::Headlight, Some([1.0; 3]));
 

@@ -13,8 +13,8 @@ use tyndall::render::{Culling, Settings};
 use tyndall::scene::automatic::{self, Outliers};
 use tyndall::scene::bonding;
 use tyndall::scene::camera::{Camera, VERTICAL_ANGLE};
-use tyndall::scene::color::{ParticleColors, resolve};
-use tyndall::scene::coloring::{Norm, Range};
+use tyndall::scene::color::{Key, Legend, ParticleColors, resolve};
+use tyndall::scene::coloring::{Mapping, Norm, Range};
 use tyndall::scene::guesses::{Guesses, Shown};
 use tyndall::scene::light::Lighting;
 use tyndall::scene::outline::Outline;
@@ -402,8 +402,7 @@ impl<'a> Job<'a> {
                 let text = "note: bonds lie within the spheres where these touch; --radius-scale 0.25 shows balls and sticks";
                 self.report.note(text);
             }
-            let range =
-                colors.legend.as_ref().map(|legend| (legend.norm, Range::Given(legend.low, legend.high)));
+            let range = colors.legend.as_ref().and_then(range_of);
             let uniform = matches!(radii, Radii::Uniform(_)).then(|| radii.clone());
             *kept = Some(Kept {
                 camera,
@@ -591,7 +590,9 @@ impl<'a> Job<'a> {
             Some((norm, range)) => (Some(norm), range),
             None => (norm, look.range),
         };
-        Ok(resolve(particles, &look.color, look.cmap.as_ref(), norm, range)?)
+        let missing = look.missing.unwrap_or(Mapping::default().missing);
+        let (map, below, above) = (look.cmap.clone(), look.below, look.above);
+        Ok(resolve(particles, &look.color, &Mapping { map, norm, range, missing, below, above })?)
     }
 
     /// All that was chosen and guessed, piece by piece.
@@ -618,6 +619,14 @@ impl<'a> Job<'a> {
             guesses.push(culling::description(&self.settings.culling));
         }
         guesses
+    }
+}
+
+/// How numbers are spread, and over which range, if colors stand for numbers.
+fn range_of(legend: &Legend) -> Option<(Norm, Range)> {
+    match &legend.key {
+        Key::Amounts(scale) => Some((scale.norm, Range::Given(scale.low, scale.high))),
+        Key::Kinds(_) => None,
     }
 }
 

@@ -7,7 +7,7 @@ use tyndall::particles::{Attribute, Cell, Columns, Positions, Radii, Values};
 use tyndall::render::{Settings, render};
 use tyndall::scene::automatic::Outliers;
 use tyndall::scene::camera::{Camera, Projection};
-use tyndall::scene::coloring::Range;
+use tyndall::scene::coloring::Mapping;
 use tyndall::scene::guesses::Guesses;
 use tyndall::scene::light::Lighting;
 use tyndall::scene::{Scene, color};
@@ -95,7 +95,7 @@ fn build(path: &Path, particles: &Particles, kind: Kind) {
 
 /// A picture of a structure over these particles, colored by their attribute `q`.
 fn picture(structure: Structure, particles: &Particles) -> Image {
-    let colors = color::resolve(particles, &"q".parse().unwrap(), None, None, Range::Auto).unwrap();
+    let colors = color::resolve(particles, &"q".parse().unwrap(), &Mapping::default()).unwrap();
     let scene = Scene::new(structure, colors, Lighting::studio(Vec3::NEG_X, Vec3::Y, Vec3::Z), None);
     let middle = DVec3::new(1e6 + 0.5, -3e5 + 0.5, 0.05);
     let camera = Camera {

@@ -3,7 +3,7 @@
 use tyndall::particles::{Particles, Values};
 use tyndall::scene::automatic;
 use tyndall::scene::color::resolve;
-use tyndall::scene::coloring::Range;
+use tyndall::scene::coloring::Mapping;
 use tyndall::scene::select::Selectable;
 use tyndall::scene::wanted::Wanted;
 use tyndall_io::{Options, Sequence};
@@ -13,7 +13,7 @@ use super::{Folder, fixture, shared};
 /// What a picture takes of particles: radii, and colors by `coloring`.
 fn seen(particles: &Particles, wanted: &Wanted) -> String {
     let (radii, text) = automatic::radii(particles);
-    let colors = resolve(particles, &wanted.coloring, None, None, Range::Auto);
+    let colors = resolve(particles, &wanted.coloring, &Mapping::default());
     let colors = colors.map_err(|error| error.to_string());
     let places = (0..particles.len()).step_by(1 + particles.len() / 100);
     let each: Vec<_> = places

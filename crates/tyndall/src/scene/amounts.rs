@@ -5,15 +5,15 @@
 
 use rayon::prelude::*;
 
-use super::color::{Legend, MISSING, ParticleColors};
-use super::coloring::{Norm, Range, linear};
+use super::color::{Key, Legend, ParticleColors, Scale};
+use super::coloring::{MISSING, Mapping, Norm, Range, linear};
 use super::colormap::Colormap;
 use super::quantity::Quantity;
 use super::statistics::{grouped, quantiles, sampled, short};
 use crate::error::{Error, Result};
 use crate::particles::Particles;
 
-/// Levels of a smooth map over the particles; the place after the last is for missing values.
+/// Places of colors in a byte, but for that of missing values.
 const LEVELS: usize = 255;
 
 /// The extremes of a column.
@@ -99,10 +99,9 @@ fn look(quantity: &Quantity) -> Look {
 pub(super) fn by_number(
     particles: &Particles,
     quantity: &Quantity,
-    map: Option<&Colormap>,
-    norm: Option<Norm>,
-    range: Range,
+    mapping: &Mapping,
 ) -> Result<ParticleColors> {
+    let &Mapping { ref map, norm, range, missing, below, above } = mapping;
     let spread = Spread::of(particles.len(), |id| quantity.value(id));
     let look = look(quantity);
 
@@ -131,49 +130,72 @@ pub(super) fn by_number(
         Look::Signed if signed => "coolwarm",
         _ => "viridis",
     };
-    let map = map.cloned().map_or_else(|| Colormap::named(name), Ok)?;
+    let map = map.clone().map_or_else(|| Colormap::named(name), Ok)?;
 
-    // Spread the numbers over the levels.
-    let ends = [low, high].map(|end| scaled(end, norm));
+    // Spread the numbers over the levels: behind those of the map come below, above and missing.
+    let scale = Scale::new(&map, norm, [low, high], below, above);
+    let levels = scale.colors.len();
+    let place_above = levels + usize::from(below.is_some());
+    let place_missing = place_above + usize::from(above.is_some());
+    let ends = [low, high].map(|end| norm.spread(end));
     let place = |id: usize| {
         let value = quantity.value(id);
         if value.is_nan() {
-            return LEVELS as u8;
+            return place_missing as u8;
         }
-        let t = share(scaled(value, norm), ends);
-        (t * LEVELS as f64).clamp(0.0, LEVELS as f64 - 1.0) as u8
+        if below.is_some() && value < low {
+            return levels as u8;
+        }
+        if above.is_some() && value > high {
+            return place_above as u8;
+        }
+        let t = share(norm.spread(value), ends);
+        (t * levels as f64).clamp(0.0, levels as f64 - 1.0) as u8
     };
     let places = (0..particles.len()).into_par_iter().with_min_len(1 << 14).map(place).collect();
-    let level_color =
-        |level: usize| map.at((level as f32 + 0.5) / LEVELS as f32).map(|it| (255.0 * it).round() as u8);
-    let colors = (0..LEVELS).map(level_color).chain([MISSING]).collect();
+    let colors = scale.colors.iter().copied().chain(below).chain(above).chain([missing]).collect();
 
     let norm_name = if norm == Norm::Log { "log" } else { "linear" };
     let (label, limits) = (quantity.label(), format!("{}:{}", short(low), short(high)));
     let mut description = format!("color {label} {} {norm_name} {limits} ({how})", map.name());
     if norm == Norm::Log && spread.not_positive > 0 {
-        description += &format!(", {} not above 0 have the lowest color", grouped(spread.not_positive));
+        let which = if below.is_some() { "the color of those below" } else { "the lowest color" };
+        description += &format!(", {} not above 0 have {which}", grouped(spread.not_positive));
     }
     if spread.missing > 0 {
-        description += &format!(", {} missing are gray", grouped(spread.missing));
+        description += &format!(", {} missing are {}", grouped(spread.missing), shown_missing(missing));
     }
     let mut colors = ParticleColors::palette(colors, places, description);
-    colors.legend = Some(Legend { label: label.into(), map, norm, low, high });
+    colors.legend = Some(Legend {
+        label: label.into(),
+        unit: quantity.unit().map(str::to_string),
+        key: Key::Amounts(scale),
+        missing: (spread.missing > 0).then_some(missing),
+    });
     Ok(colors)
 }
 
-impl Legend {
+impl Scale {
+    /// The levels of a map for numbers between two.
+    fn new(
+        map: &Colormap,
+        norm: Norm,
+        [low, high]: [f64; 2],
+        below: Option<[u8; 3]>,
+        above: Option<[u8; 3]>,
+    ) -> Self {
+        let levels = LEVELS - usize::from(below.is_some()) - usize::from(above.is_some());
+        let color =
+            |level: usize| map.at((level as f32 + 0.5) / levels as f32).map(|it| (255.0 * it).round() as u8);
+        Self { norm, low, high, colors: (0..levels).map(color).collect(), below, above }
+    }
+
     /// The colors of numbers that are no particles', such as the pixels of a map, and how they are told. Where nobody says, they are
     /// logarithmic in inferno if none is below 0 (zeros and NaN are nothing), else linear in coolwarm around 0.
     ///
     /// Fails with [`Error::Setting`] if there is no logarithm of what is asked for.
-    pub fn of_numbers(
-        label: &str,
-        numbers: &[f64],
-        map: Option<&Colormap>,
-        norm: Option<Norm>,
-        range: Range,
-    ) -> Result<(Self, String)> {
+    pub fn of_numbers(label: &str, numbers: &[f64], mapping: &Mapping) -> Result<(Self, String)> {
+        let &Mapping { ref map, norm, range, below, above, .. } = mapping;
         let spread = Spread::of(numbers.len(), |place| numbers[place]);
         let has_signs = spread.low < 0.0;
         let guessed = match range {
@@ -192,29 +214,21 @@ impl Legend {
             how += ", centered on 0";
         }
         let name = if signed { "coolwarm" } else { "inferno" };
-        let map = map.cloned().map_or_else(|| Colormap::named(name), Ok)?;
+        let map = map.clone().map_or_else(|| Colormap::named(name), Ok)?;
         let norm_name = if norm == Norm::Log { "log" } else { "linear" };
         let text = format!("{label} {} {norm_name} {}:{} ({how})", map.name(), short(low), short(high));
-        Ok((Self { label: label.into(), map, norm, low, high }, text))
+        Ok((Self::new(&map, norm, [low, high], below, above), text))
     }
 
     /// The linear color of a number; that of NaN is [`MISSING`].
     pub fn color(&self, value: f64) -> [f32; 3] {
-        if value.is_nan() {
-            return linear(MISSING);
-        }
-        let ends = [self.low, self.high].map(|end| scaled(end, self.norm));
-        let t = share(scaled(value, self.norm), ends);
-        linear(self.map.at(t as f32).map(|it| (255.0 * it).round() as u8))
-    }
-}
-
-/// A number as the norm spreads it.
-#[inline(always)]
-fn scaled(value: f64, norm: Norm) -> f64 {
-    match norm {
-        Norm::Linear => value,
-        Norm::Log => value.max(f64::MIN_POSITIVE).ln(),
+        let levels = self.colors.len();
+        linear(match (self.below, self.above) {
+            _ if value.is_nan() => MISSING,
+            (Some(below), _) if value < self.low => below,
+            (_, Some(above)) if value > self.high => above,
+            _ => self.colors[(self.place(value) * levels as f64).clamp(0.0, levels as f64 - 1.0) as usize],
+        })
     }
 }
 
@@ -240,6 +254,12 @@ fn check_logarithm(label: &str, spread: &Spread, norm: Norm, range: Range) -> Re
         return Err(Error::setting("--norm", "log", allowed));
     }
     Ok(())
+}
+
+/// The color of what is missing, in words.
+pub(super) fn shown_missing(missing: [u8; 3]) -> String {
+    let [red, green, blue] = missing;
+    if missing == MISSING { "gray".into() } else { format!("#{red:02x}{green:02x}{blue:02x}") }
 }
 
 /// The numbers of the first and last color, and how they were found.

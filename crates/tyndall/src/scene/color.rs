@@ -7,7 +7,7 @@
 use rayon::prelude::*;
 
 use super::amounts::by_number;
-use super::coloring::{Coloring, Norm, Range, linear};
+use super::coloring::{Coloring, MISSING, Mapping, Norm, Range, linear};
 use super::colormap::Colormap;
 use super::element::Elements;
 use super::kinds::{by_element, by_type, is_kinds, types};
@@ -18,8 +18,6 @@ use crate::error::{Error, Result};
 use crate::particles::{Attribute, Particles};
 use crate::structure::by_node;
 
-/// The color of NaN and of unknown elements, sRGB.
-pub const MISSING: [u8; 3] = [128; 3];
 /// The color of particles that have nothing to show, sRGB.
 const PLAIN: [u8; 3] = [157, 184, 217];
 
@@ -29,23 +27,55 @@ pub struct ParticleColors {
     store: Store,
     /// What was chosen and guessed, in one line: `color c_pe viridis linear -4.8:-3.1 (1-99 %)`.
     pub description: String,
-    /// What a color bar shows; `None` where the colors are not those of a smooth map.
+    /// What a color bar or a list of kinds shows; `None` where colors stand for nothing else.
     pub legend: Option<Legend>,
 }
 
-/// How a color is read back as a number.
+/// How a color is read back. All colors are sRGB bytes.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Legend {
     /// The quantity's name.
     pub label: String,
-    /// Its colors.
-    pub map: Colormap,
-    /// How the numbers are spread over the map.
+    /// Its unit, where the file tells.
+    pub unit: Option<String>,
+    /// What the colors mean.
+    pub key: Key,
+    /// The color of particles without a value, where there are any.
+    pub missing: Option<[u8; 3]>,
+}
+
+/// What colors mean.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Key {
+    /// Numbers.
+    Amounts(Scale),
+    /// Kinds that there are, by name, in order.
+    Kinds(Vec<(String, [u8; 3])>),
+}
+
+/// Which numbers colors stand for.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Scale {
+    /// How the numbers are spread over the colors.
     pub norm: Norm,
-    /// The number of the first color.
+    /// The number at the beginning of the first color.
     pub low: f64,
-    /// The number of the last color.
+    /// The number at the end of the last color; not below `low`.
     pub high: f64,
+    /// The colors that particles have, of equal shares of the range.
+    pub colors: Vec<[u8; 3]>,
+    /// That of numbers below, where it is another one.
+    pub below: Option<[u8; 3]>,
+    /// That of numbers above, where it is another one.
+    pub above: Option<[u8; 3]>,
+}
+
+impl Scale {
+    /// How far a number is along the colors: 0 at `low`, 1 at `high`, also beyond. In a range of one number all are in the middle.
+    pub fn place(&self, number: f64) -> f64 {
+        let [low, high, number] = [self.low, self.high, number].map(|it| self.norm.spread(it));
+        if low < high { (number - low) / (high - low) } else { 0.5 }
+    }
 }
 
 #[derive(Clone, Debug)]
@@ -136,17 +166,11 @@ impl ParticleColors {
     }
 }
 
-/// The colors of `particles` by `coloring`; a map, a norm and a range replace what is guessed from the quantity's name and values.
+/// The colors of `particles` by `coloring`.
 ///
 /// Fails with [`Error::Setting`] if there is no such attribute, no elements or types, or no logarithm of what is asked for.
-pub fn resolve(
-    particles: &Particles,
-    coloring: &Coloring,
-    map: Option<&Colormap>,
-    norm: Option<Norm>,
-    range: Range,
-) -> Result<ParticleColors> {
-    if let Range::Given(low, high) = range
+pub fn resolve(particles: &Particles, coloring: &Coloring, mapping: &Mapping) -> Result<ParticleColors> {
+    if let Range::Given(low, high) = mapping.range
         && !(low.is_finite() && high.is_finite() && low < high)
     {
         return Err(Error::setting(
@@ -158,11 +182,11 @@ pub fn resolve(
     match coloring {
         Coloring::Constant(color) => Ok(ParticleColors::constant(*color)),
         Coloring::Element => match Elements::find(particles) {
-            Some(elements) => Ok(by_element(particles, &elements)),
+            Some(elements) => Ok(by_element(particles, &elements, mapping)),
             None => Err(unknown(particles, "element")),
         },
         Coloring::Type => match types(particles).next() {
-            Some(attribute) => Ok(by_type(attribute, map)),
+            Some(attribute) => Ok(by_type(attribute, mapping)),
             None => Err(unknown(particles, "type")),
         },
         Coloring::Attribute { name, component } => {
@@ -172,28 +196,23 @@ pub fn resolve(
             }
             let quantity = Quantity::find(particles, name, *component)?;
             match quantity.scalar() {
-                Some(kinds) if is_kinds(kinds) && map.is_none_or(Colormap::is_list) => {
-                    Ok(by_type(kinds, map))
+                Some(kinds) if is_kinds(kinds) && mapping.map.as_ref().is_none_or(Colormap::is_list) => {
+                    Ok(by_type(kinds, mapping))
                 }
-                _ => by_number(particles, &quantity, map, norm, range),
+                _ => by_number(particles, &quantity, mapping),
             }
         }
-        Coloring::Auto => automatic(particles, map, norm, range),
+        Coloring::Auto => automatic(particles, mapping),
     }
 }
 
 /// The best of what there is: see [`Coloring::Auto`].
-fn automatic(
-    particles: &Particles,
-    map: Option<&Colormap>,
-    norm: Option<Norm>,
-    range: Range,
-) -> Result<ParticleColors> {
+fn automatic(particles: &Particles, mapping: &Mapping) -> Result<ParticleColors> {
     if let Some(elements) = Elements::find(particles) {
-        return Ok(by_element(particles, &elements));
+        return Ok(by_element(particles, &elements, mapping));
     }
     if let Some(attribute) = types(particles).find(|attribute| varies(attribute)) {
-        return Ok(by_type(attribute, map));
+        return Ok(by_type(attribute, mapping));
     }
     if let Some(rgb) = Rgb::find(particles) {
         return Ok(ParticleColors::direct(&rgb, particles.len()));
@@ -202,7 +221,7 @@ fn automatic(
     {
         let quantity = Quantity::find(particles, &attribute.name, None)?;
         if !quantity.is_component() && !is_geometry(&attribute.name) && varies(attribute) {
-            return by_number(particles, &quantity, map, norm, range);
+            return by_number(particles, &quantity, mapping);
         }
     }
     let mut colors = ParticleColors::constant(linear(PLAIN));
@@ -259,7 +278,14 @@ mod tests {
     }
 
     fn colors(particles: &Particles, coloring: &str) -> ParticleColors {
-        resolve(particles, &coloring.parse().unwrap(), None, None, Range::Auto).unwrap()
+        resolve(particles, &coloring.parse().unwrap(), &Mapping::default()).unwrap()
+    }
+
+    fn scale(colors: &ParticleColors) -> Scale {
+        match &colors.legend {
+            Some(Legend { key: Key::Amounts(scale), .. }) => scale.clone(),
+            other => panic!("{other:?}"),
+        }
     }
 
     /// The slow way: the map at the number's place in the range.
@@ -278,13 +304,16 @@ mod tests {
             let t = ((id as f32 - 10.0) / 980.0).clamp(0.0, 1.0);
             assert_eq!(found.color(id), expected("viridis", t), "{id}");
         }
-        let full = resolve(&it, &"c_pe".parse().unwrap(), None, None, Range::Full).unwrap();
+        let mapping = Mapping { range: Range::Full, ..Mapping::default() };
+        let full = resolve(&it, &"c_pe".parse().unwrap(), &mapping).unwrap();
         assert_eq!(full.color(250), expected("viridis", 0.25));
-        assert_eq!(full.legend.map(|legend| (legend.low, legend.high)), Some((0.0, 1000.0)));
-        let map = Colormap::named("gray").unwrap();
-        let given =
-            resolve(&it, &"c_pe".parse().unwrap(), Some(&map), Some(Norm::Log), Range::Given(1.0, 100.0))
-                .unwrap();
+        let scale = scale(&full);
+        assert_eq!((scale.low, scale.high, scale.place(250.0)), (0.0, 1000.0, 0.25));
+        assert_eq!(linear(scale.colors[(0.25 * 255.0) as usize]), full.color(250));
+        let map = Some(Colormap::named("gray").unwrap());
+        let (norm, range) = (Some(Norm::Log), Range::Given(1.0, 100.0));
+        let mapping = Mapping { map, norm, range, ..Mapping::default() };
+        let given = resolve(&it, &"c_pe".parse().unwrap(), &mapping).unwrap();
         assert_eq!(given.color(10), expected("gray", 0.5));
         let wanted = "color c_pe gray log 1:100 (given), 1 not above 0 have the lowest color";
         assert_eq!(given.description, wanted);
@@ -305,6 +334,28 @@ mod tests {
             colors(&particles(2, vec![floats("s", &[f32::NAN; 2])]), "s").description.contains("no finite")
         );
         assert!(colors(&particles(0, vec![floats("s", &[])]), "s").description.contains("no finite"));
+    }
+
+    #[test]
+    fn numbers_out_of_range_have_the_colors_that_are_given() {
+        let values = [f32::NEG_INFINITY, 0.0, 1.0, 2.0, 3.0, 4.0, f32::NAN];
+        let mut attribute = floats("s", &values);
+        attribute.unit = Some("K".into());
+        let it = particles(values.len(), vec![attribute]);
+        let [missing, low, high] = [[1, 2, 3], [4, 5, 6], [7, 8, 9]];
+        let range = Range::Given(1.0, 3.0);
+        let (below, above) = (Some(low), Some(high));
+        let mapping = Mapping { range, missing, below, above, ..Mapping::default() };
+        let found = resolve(&it, &"s".parse().unwrap(), &mapping).unwrap();
+        let own = scale(&found);
+        let wanted = [low, low, own.colors[0], own.colors[126], own.colors[252], high, missing].map(linear);
+        assert_eq!(own.colors.len(), 253, "two of 255 levels are for what is out of range");
+        for (id, wanted) in wanted.into_iter().enumerate() {
+            assert_eq!(found.color(id), wanted, "{}", values[id]);
+        }
+        assert_eq!((own.below, own.above), (below, above));
+        let legend = found.legend.unwrap();
+        assert_eq!((legend.unit.as_deref(), legend.missing), (Some("K"), Some(missing)));
     }
 
     #[test]
@@ -364,9 +415,17 @@ mod tests {
         assert_eq!((phase.color(1), phase.color(0)), (linear(TYPES[0]), linear(TYPES[1])));
         // The numbers span more than there are colors: they are amounts.
         assert!(colors(&it, "k").description.contains("viridis"));
-        let map = Colormap::named("Set1").unwrap();
-        let listed = resolve(&it, &"phase".parse().unwrap(), Some(&map), None, Range::Auto).unwrap();
-        assert_eq!(listed.color(1), linear(map.colors()[0]));
+        let named = |name: &str, color| (name.to_string(), color);
+        let key = |colors: &ParticleColors| colors.legend.clone().map(|it| it.key);
+        let kinds = Key::Kinds(vec![named("gas", TYPES[0]), named("solid", TYPES[1])]);
+        assert_eq!(key(&phase), Some(kinds));
+        let mapping = Mapping { map: Some(Colormap::named("Set1").unwrap()), ..Mapping::default() };
+        let listed = resolve(&it, &"phase".parse().unwrap(), &mapping).unwrap();
+        let first = mapping.map.as_ref().unwrap().colors()[0];
+        assert_eq!(listed.color(1), linear(first));
+        let few = particles(3, vec![Attribute::new("type", 1, Values::I32(vec![7, -1, 7]))]);
+        let kinds = Key::Kinds(vec![named("-1", TYPES[11]), named("7", TYPES[7])]);
+        assert_eq!(key(&colors(&few, "type")), Some(kinds));
         let many: Vec<String> = (0..13).map(|k| format!("kind {k}")).collect();
         let many = words("phase", &many.iter().map(String::as_str).collect::<Vec<_>>());
         assert!(
@@ -374,13 +433,17 @@ mod tests {
         );
         let elements = colors(&particles(3, vec![words("species", &["O", "C", "?"])]), "element");
         assert_eq!((elements.color(0), elements.color(2)), (linear([0xff, 0x0d, 0x0d]), linear(MISSING)));
+        let legend = elements.legend.unwrap();
+        let symbols = Key::Kinds(vec![named("C", [0x90; 3]), named("O", [0xff, 0x0d, 0x0d])]);
+        assert_eq!((legend.label.as_str(), legend.key, legend.missing), ("element", symbols, Some(MISSING)));
     }
 
     #[test]
     fn what_cannot_be_shown_is_refused() {
         let it = particles(2, vec![floats("s", &[-1.0, 0.0])]);
         let refused = |coloring: &str, norm, range| {
-            resolve(&it, &coloring.parse().unwrap(), None, norm, range).unwrap_err().to_string()
+            let mapping = Mapping { norm, range, ..Mapping::default() };
+            resolve(&it, &coloring.parse().unwrap(), &mapping).unwrap_err().to_string()
         };
         assert!(refused("s", Some(Norm::Log), Range::Auto).contains("no value above 0"));
         assert!(refused("s", Some(Norm::Log), Range::Given(-1.0, 1.0)).contains("above 0"));

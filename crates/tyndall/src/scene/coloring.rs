@@ -2,8 +2,10 @@
 
 use std::str::FromStr;
 
+use super::colormap::Colormap;
 use super::quantity::{Component, named};
 use crate::error::{Error, Result};
+use crate::names::nearest;
 use crate::srgb::linear_from_encoded;
 
 /// Where the particles' colors come from.
@@ -48,16 +50,10 @@ impl FromStr for Coloring {
             "type" => return Ok(Self::Type),
             _ => {}
         }
-        if let Some(digits) = text.strip_prefix('#') {
-            return match hex_color(digits) {
-                Some(color) => Ok(Self::Constant(linear(color))),
-                None => {
-                    Err(Error::setting("--color", text, "a color is #rrggbb or #rgb in hexadecimal digits"))
-                }
-            };
-        }
-        if let Some(color) = css_color(text) {
-            return Ok(Self::Constant(linear(color)));
+        match color(text) {
+            Ok(color) => return Ok(Self::Constant(linear(color))),
+            Err(error) if text.starts_with('#') => return Err(error),
+            Err(_) => {}
         }
         let (name, component) = named(text);
         Ok(Self::Attribute { name: name.into(), component })
@@ -71,6 +67,16 @@ pub enum Norm {
     Linear,
     /// By their logarithm; numbers that are not positive take the lowest color.
     Log,
+}
+
+impl Norm {
+    /// The number that grows along a map in proportion.
+    pub fn spread(self, number: f64) -> f64 {
+        match self {
+            Self::Linear => number,
+            Self::Log => number.max(f64::MIN_POSITIVE).ln(),
+        }
+    }
 }
 
 impl FromStr for Norm {
@@ -117,6 +123,49 @@ impl FromStr for Range {
         let (low, high) = (number(low)?, number(high)?);
         if low < high { Ok(Self::Given(low, high)) } else { Err(wanted()) }
     }
+}
+
+/// The color of particles without a value, and of unknown elements, if nobody says otherwise: sRGB.
+pub const MISSING: [u8; 3] = [128; 3];
+
+/// How values become colors. What is `None` is guessed from the quantity's name and values. Colors are sRGB bytes.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Mapping {
+    /// The colors.
+    pub map: Option<Colormap>,
+    /// How numbers are spread over them.
+    pub norm: Option<Norm>,
+    /// Which numbers have the first and the last one.
+    pub range: Range,
+    /// The color of particles without a value (NaN), and of unknown elements.
+    pub missing: [u8; 3],
+    /// That of numbers below the range; `None`: the first of the map.
+    pub below: Option<[u8; 3]>,
+    /// That of numbers above the range; `None`: the last of the map.
+    pub above: Option<[u8; 3]>,
+}
+
+impl Default for Mapping {
+    fn default() -> Self {
+        Self { map: None, norm: None, range: Range::Auto, missing: MISSING, below: None, above: None }
+    }
+}
+
+/// Reads `#rrggbb`, `#rgb` or a color name of CSS: the sRGB bytes. Fails with [`Error::Setting`], which tells the nearest name.
+pub fn color(text: &str) -> Result<[u8; 3]> {
+    let text = text.trim();
+    let found = match text.strip_prefix('#') {
+        Some(digits) => hex_color(digits),
+        None => css_color(text),
+    };
+    found.ok_or_else(|| {
+        let names = CSS.split_ascii_whitespace().step_by(2);
+        let meant = nearest(text, names).filter(|_| !text.starts_with('#'));
+        let meant = meant.map_or(String::new(), |it| format!("; did you mean '{it}'?"));
+        let allowed =
+            format!("a color is #rrggbb or #rgb in hexadecimal digits, or has a name of CSS{meant}");
+        Error::setting("--color", text, allowed)
+    })
 }
 
 /// The linear color of sRGB bytes.
@@ -197,6 +246,7 @@ mod tests {
             ("stress.5", attribute("stress", Some(Component::Index(5)))),
             ("red.0", attribute("red", Some(Component::Index(0)))),
             ("a.b", attribute("a.b", None)),
+            ("a + 0.001", attribute("a + 0.001", None)),
         ] {
             assert_eq!(text.parse::<Coloring>().unwrap(), wanted, "{text}");
         }

@@ -2,8 +2,9 @@
 
 use rayon::prelude::*;
 
-use super::amounts::Spread;
-use super::color::{MISSING, ParticleColors};
+use super::amounts::{Spread, shown_missing};
+use super::color::{Key, Legend, ParticleColors};
+use super::coloring::Mapping;
 use super::colormap::Colormap;
 use super::element::{Element, Elements};
 use super::statistics::short;
@@ -41,8 +42,8 @@ pub(super) const TYPE_NAMES: [&str; 12] = [
     "kind",
 ];
 
-/// By Jmol's colors; what is no element is gray.
-pub(super) fn by_element(particles: &Particles, elements: &Elements) -> ParticleColors {
+/// By Jmol's colors; what is no element has the color of what is missing.
+pub(super) fn by_element(particles: &Particles, elements: &Elements, mapping: &Mapping) -> ParticleColors {
     let attribute = &particles.attributes()[elements.attribute];
     // Places by the order of the values would not fit a byte where names are many: several names are one element.
     let mut present: Vec<Element> = elements.by_value.iter().flatten().copied().collect();
@@ -56,12 +57,21 @@ pub(super) fn by_element(particles: &Particles, elements: &Elements) -> Particle
     let place =
         |id: usize| place_of_value.get(attribute.number(id, 0) as usize).copied().unwrap_or(missing as u8);
     let places = (0..particles.len()).into_par_iter().with_min_len(1 << 14).map(place).collect();
-    let colors = present.iter().map(|element| element.color()).chain([MISSING]).collect();
+    let colors = present.iter().map(|element| element.color()).chain([mapping.missing]).collect();
     let mut description = format!("color elements of {} (Jmol)", attribute.name);
     if elements.known < 1.0 {
-        description += &format!(", {} % unknown are gray", short(100.0 * (1.0 - elements.known)));
+        let share = short(100.0 * (1.0 - elements.known));
+        description += &format!(", {share} % unknown are {}", shown_missing(mapping.missing));
     }
-    ParticleColors::palette(colors, places, description)
+    let kinds = present.iter().map(|it| (it.symbol().to_string(), it.color())).collect();
+    let mut colors = ParticleColors::palette(colors, places, description);
+    colors.legend = Some(Legend {
+        label: "element".into(),
+        unit: None,
+        key: Key::Kinds(kinds),
+        missing: (elements.known < 1.0).then_some(mapping.missing),
+    });
+    colors
 }
 
 /// The discrete attributes that sort particles into kinds.
@@ -85,9 +95,9 @@ pub(super) fn is_kinds(attribute: &Attribute) -> bool {
 }
 
 /// Words count by their alphabetical order, integers by themselves, so that a kind keeps its color from frame to frame.
-pub(super) fn by_type(attribute: &Attribute, map: Option<&Colormap>) -> ParticleColors {
+pub(super) fn by_type(attribute: &Attribute, mapping: &Mapping) -> ParticleColors {
     let own = Colormap::of_list("12 colors", TYPES.to_vec());
-    let map = map.filter(|map| map.is_list()).unwrap_or(&own);
+    let map = mapping.map.as_ref().filter(|map| map.is_list()).unwrap_or(&own);
     let colors = map.colors().len() as i64;
     let place_of_code: Option<Vec<i64>> = match attribute.values.view() {
         View::Text { names, .. } => {
@@ -97,17 +107,45 @@ pub(super) fn by_type(attribute: &Attribute, map: Option<&Colormap>) -> Particle
         }
         _ => None,
     };
-    let place = |id: usize| {
-        let value = attribute.number(id, 0) as i64;
-        let place = place_of_code
-            .as_ref()
-            .map_or(value, |places| places.get(value as usize).copied().unwrap_or(value));
-        place.rem_euclid(colors) as u8
+    let place_of = |value: i64| {
+        let places = place_of_code.as_ref();
+        places.map_or(value, |it| it.get(value as usize).copied().unwrap_or(value))
     };
+    let place = |id: usize| place_of(attribute.number(id, 0) as i64).rem_euclid(colors) as u8;
     let places = (0..attribute.values.len()).into_par_iter().with_min_len(1 << 14).map(place).collect();
     let mut description = format!("color {} {}", attribute.name, map.name());
-    if let Some(words) = place_of_code.filter(|words| words.len() as i64 > colors) {
+    if let Some(words) = place_of_code.as_ref().filter(|words| words.len() as i64 > colors) {
         description += &format!(", {} kinds share {colors} colors", words.len());
     }
-    ParticleColors::palette(map.colors().to_vec(), places, description)
+    let name = |value: i64| match attribute.values.view() {
+        View::Text { names, .. } => names.get(value as usize).cloned().unwrap_or_default(),
+        _ => value.to_string(),
+    };
+    let mut kinds: Vec<(i64, i64)> =
+        present(attribute).into_iter().map(|value| (place_of(value), value)).collect();
+    kinds.sort_unstable();
+    let color = |place: i64| map.colors()[place.rem_euclid(colors) as usize];
+    let kinds = kinds.into_iter().map(|(place, value)| (name(value), color(place))).collect();
+    let mut colors = ParticleColors::palette(map.colors().to_vec(), places, description);
+    let label = attribute.name.clone();
+    colors.legend = Some(Legend { label, unit: None, key: Key::Kinds(kinds), missing: None });
+    colors
+}
+
+/// The most kinds that are told.
+const MOST: usize = 1000;
+
+/// The values of a discrete attribute that there are, in order; where there are very many, some of them.
+fn present(attribute: &Attribute) -> Vec<i64> {
+    let with = |mut found: Vec<i64>, value: i64| {
+        if let Err(place) = found.binary_search(&value)
+            && found.len() < MOST
+        {
+            found.insert(place, value);
+        }
+        found
+    };
+    let ids = (0..attribute.values.len()).into_par_iter().with_min_len(1 << 14);
+    let values = ids.map(|id| attribute.number(id, 0) as i64);
+    values.fold(Vec::new, with).reduce(Vec::new, |one, other| other.into_iter().fold(one, with))
 }

@@ -127,6 +127,19 @@ impl<'a> Quantity<'a> {
         &self.label
     }
 
+    /// Its unit, where the file or its format tells; that of an expression is not known.
+    pub fn unit(&self) -> Option<&str> {
+        match &self.source {
+            Source::Component(attribute, _) | Source::Magnitude(attribute) => attribute.unit.as_deref(),
+            Source::Scalars(columns) => {
+                let unit = columns.first()?.unit.as_deref();
+                unit.filter(|_| columns.iter().all(|it| it.unit.as_deref() == unit))
+            }
+            Source::Coordinate(_) => self.particles.length_unit(),
+            Source::Index | Source::Expression(_) => None,
+        }
+    }
+
     /// The attribute, if the quantity is one scalar attribute as it stands in the file.
     pub fn scalar(&self) -> Option<&'a Attribute> {
         match self.source {
@@ -220,7 +233,10 @@ pub(super) fn named(text: &str) -> (&str, Option<Component>) {
     if let Some(name) = text.strip_prefix('|').and_then(|rest| rest.strip_suffix('|')) {
         return (name.trim(), Some(Component::Magnitude));
     }
-    if let Some((name, end)) = text.rsplit_once('.').filter(|(name, _)| !name.is_empty()) {
+    // The decimals of a number in an expression are no component.
+    let is_number = |name: &str| name.contains(OPERATORS) && name.ends_with(|it: char| it.is_ascii_digit());
+    let parts = text.rsplit_once('.').filter(|(name, _)| !name.is_empty() && !is_number(name));
+    if let Some((name, end)) = parts {
         let axis = ["x", "y", "z"].iter().position(|axis| axis.eq_ignore_ascii_case(end));
         if let Some(place) = axis.or_else(|| end.parse().ok()) {
             return (name, Some(Component::Index(place)));

@@ -15,7 +15,7 @@ use crate::render::{Culling, Renderer, Settings};
 use crate::scene::Scene;
 use crate::scene::camera::Camera;
 use crate::scene::color::{self, ParticleColors};
-use crate::scene::coloring::Range;
+use crate::scene::coloring::Mapping;
 use crate::scene::light::Lighting;
 use crate::structure::selection::{HalfSpace, Rule};
 use crate::structure::{Kind, Packing, Structure, pkd};
@@ -131,7 +131,7 @@ fn colors(particles: &Particles, random: &mut Random) -> ParticleColors {
         _ => "s",
     };
     let particles = Particles::new(columns).unwrap();
-    color::resolve(&particles, &coloring.parse().unwrap(), None, None, Range::Auto).unwrap()
+    color::resolve(&particles, &coloring.parse().unwrap(), &Mapping::default()).unwrap()
 }
 
 /// What keeps a scene and renders it.

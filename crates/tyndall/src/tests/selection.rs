@@ -10,7 +10,7 @@ use crate::particles::{Attribute, Columns, Particles, Positions, Radii, Values};
 use crate::render::{Culling, Settings};
 use crate::scene::Scene;
 use crate::scene::color;
-use crate::scene::coloring::Range;
+use crate::scene::coloring::{Mapping, Range};
 use crate::scene::light::Lighting;
 use crate::structure::selection::{Column, HalfSpace, Numbers, Rule};
 use crate::structure::{Kind, Packing, Structure};
@@ -87,7 +87,9 @@ fn only(all: &Particles, radii: &Radii, ids: &[usize]) -> (Particles, Radii) {
 /// Colors that depend on the particle alone, not on which others there are.
 fn colored(structure: Structure, particles: &Particles, greatest: f32, lighting: Lighting) -> Scene {
     let range = Range::Given(0.0, f64::from(greatest).max(1e-30));
-    let colors = color::resolve(particles, &"radius".parse().unwrap(), None, None, range).unwrap();
+    let colors =
+        color::resolve(particles, &"radius".parse().unwrap(), &Mapping { range, ..Mapping::default() })
+            .unwrap();
     Scene::new(structure, colors, lighting, None)
 }
 

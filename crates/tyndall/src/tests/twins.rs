@@ -16,7 +16,7 @@ use crate::render::{Settings, render};
 use crate::scene::Scene;
 use crate::scene::camera::Camera;
 use crate::scene::color::{self, ParticleColors};
-use crate::scene::coloring::Range;
+use crate::scene::coloring::Mapping;
 use crate::scene::light::Lighting;
 use crate::structure::{Hit, Kind, Packing, Structure};
 use glam::Vec3;
@@ -54,7 +54,7 @@ fn random_particles(seed: u64) -> (Particles, Radii, ParticleColors, Camera) {
     let (particles, radii) = particles(law, count, &mut random);
     let camera = camera(&particles.bounds(), &mut random);
     let spec = if seed.is_multiple_of(3) { "#8090a0" } else { "radius" };
-    let colors = color::resolve(&particles, &spec.parse().unwrap(), None, None, Range::Auto).unwrap();
+    let colors = color::resolve(&particles, &spec.parse().unwrap(), &Mapping::default()).unwrap();
     (particles, radii, colors, camera)
 }
 

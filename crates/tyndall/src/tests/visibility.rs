@@ -8,7 +8,7 @@ use crate::render::{Culling, Renderer, Settings};
 use crate::scene::Scene;
 use crate::scene::camera::Camera;
 use crate::scene::color;
-use crate::scene::coloring::Range;
+use crate::scene::coloring::Mapping;
 use crate::scene::light::Lighting;
 use crate::structure::pkd::{Axis, Options, Order};
 use crate::structure::treelets::{self, Cut};
@@ -40,7 +40,7 @@ pub(super) const COUNTS: [usize; 10] = [0, 1, 2, 3, 16, 17, 100, 129, 700, 3000]
 /// Every particle has a color of its own, of a few.
 pub(super) fn scene(particles: &Particles, radii: &Radii, kind: Kind, lighting: Lighting) -> Scene {
     let structure = Structure::build(kind, particles.clone(), radii, 1.0, &()).unwrap();
-    let colors = color::resolve(particles, &"radius".parse().unwrap(), None, None, Range::Auto).unwrap();
+    let colors = color::resolve(particles, &"radius".parse().unwrap(), &Mapping::default()).unwrap();
     Scene::new(structure, colors, lighting, None)
 }
 
@@ -142,7 +142,7 @@ fn packed_particles_are_rendered_as_brute_force_renders_what_the_blocks_decode()
             for lighting in [Lighting::Headlight, Lighting::studio(Vec3::X, Vec3::NEG_Y, Vec3::Z)] {
                 let expected = scene(&decoded, &decoded_radii, Kind::Brute, lighting);
                 let expected = image(&expected, &camera, &settings, Level::new());
-                let colors = color::resolve(&decoded, &"radius".parse().unwrap(), None, None, Range::Auto);
+                let colors = color::resolve(&decoded, &"radius".parse().unwrap(), &Mapping::default());
                 let packed = Structure::build(Kind::Bvh(packing), particles.clone(), &radii, 1.0, &());
                 let packed = Scene::new(packed.unwrap(), colors.unwrap(), lighting, None);
                 let found = image(&packed, &camera, &settings, Level::new());
@@ -172,7 +172,7 @@ fn scaled_radii_are_seen_as_if_they_had_been_built() {
         for kind in [KINDS[0], KINDS[1], KINDS[2], KINDS[5], KINDS[7], KINDS[10]] {
             let built = |scale: f32| Structure::build(kind, particles.clone(), &radii, scale, &()).unwrap();
             let seen = |structure: Structure| {
-                let colors = color::resolve(&particles, &"radius".parse().unwrap(), None, None, Range::Auto);
+                let colors = color::resolve(&particles, &"radius".parse().unwrap(), &Mapping::default());
                 image(&Scene::new(structure, colors.unwrap(), studio, None), &camera, &settings, Level::new())
             };
             let mut scaled = built(1.0);

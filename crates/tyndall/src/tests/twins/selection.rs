@@ -11,7 +11,7 @@ use crate::render::{Settings, render};
 use crate::scene::Scene;
 use crate::scene::camera::Camera;
 use crate::scene::color;
-use crate::scene::coloring::Range;
+use crate::scene::coloring::Mapping;
 use crate::scene::light::Lighting;
 use crate::structure::pkd::{Axis, Options, Order};
 use crate::structure::treelets::{self, Cut};
@@ -40,7 +40,7 @@ pub(super) fn random_scene(seed: u64, kind: Kind) -> (Scene, Rules, Camera) {
     let (particles, radii) = particles(law, count, &mut random);
     let rules = Rules::random(&particles, &mut random);
     let camera = camera(&particles.bounds(), &mut random);
-    let colors = color::resolve(&particles, &"radius".parse().unwrap(), None, None, Range::Auto).unwrap();
+    let colors = color::resolve(&particles, &"radius".parse().unwrap(), &Mapping::default()).unwrap();
     let structure = Structure::build(kind, particles, &radii, 1.0, &()).unwrap();
     let studio = Lighting::studio(Vec3::X, Vec3::NEG_Y, Vec3::Z);
     let has_shadows = seed.is_multiple_of(3) && !matches!(law, Law::Equal);

@@ -13,7 +13,7 @@ use crate::render::interactive::Changes;
 use crate::scene::Scene;
 use crate::scene::camera::{Camera, Projection};
 use crate::scene::color;
-use crate::scene::coloring::Range;
+use crate::scene::coloring::Mapping;
 use crate::scene::light::Lighting;
 use crate::structure::selection::HalfSpace;
 use crate::structure::{Kind, Packing, Structure};
@@ -42,7 +42,7 @@ fn particles() -> Particles {
 fn scene(kind: Kind, radii: &Radii, [before, after]: [&str; 2], changes: Changes) -> Scene {
     let particles = particles();
     let name = if changes.colors { after } else { before };
-    let colors = color::resolve(&particles, &name.parse().unwrap(), None, None, Range::Auto).unwrap();
+    let colors = color::resolve(&particles, &name.parse().unwrap(), &Mapping::default()).unwrap();
     let structure = Structure::build(kind, particles, radii, 1.0, &()).unwrap();
     let mut scene = Scene::new(structure, colors, Lighting::Headlight, None);
     if changes.radii {
