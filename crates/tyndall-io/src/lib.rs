@@ -1,8 +1,11 @@
 //! Particle files in, pictures out.
 //!
+//! [`mod@annotation`] writes titles, color bars and scale bars over pictures.
+//!
 //! [`Sequence::open`] recognises a file by its content and reads its frames one at a time; [`mod@write`] puts an image on disk,
 //! [`mod@saved`] particles with their structure.
 
+pub mod annotation;
 mod frame_index;
 pub mod parts;
 pub mod read;
