@@ -9,12 +9,13 @@ use glam::DVec3;
 use tyndall::film::Window;
 use tyndall::scene::bonding::Bonding;
 use tyndall::scene::camera_path::Key;
-use tyndall::scene::coloring::{self, Coloring, Norm, Range};
+use tyndall::scene::coloring::{self, Coloring, Mapping, Norm, Range};
 use tyndall::scene::colormap::Colormap;
 use tyndall::scene::select::{Clip, Filter};
 use tyndall::scene::viewpoint::Side;
 use tyndall_io::write::{ImageOptions, movie};
 
+use crate::annotate::Annotate;
 use crate::bench_culling::CullingBench;
 use crate::culling::CullingArgs;
 use crate::device::Choice;
@@ -194,6 +195,8 @@ pub(crate) struct Render {
     pub(crate) selection: Selection,
     #[command(flatten)]
     pub(crate) look: Look,
+    #[command(flatten)]
+    pub(crate) annotate: Annotate,
     #[command(flatten)]
     pub(crate) method: Method,
     #[command(flatten)]
@@ -487,6 +490,18 @@ pub(crate) struct Look {
 }
 
 impl Look {
+    /// How numbers become colors.
+    pub(crate) fn mapping(&self) -> Mapping {
+        Mapping {
+            map: self.cmap.clone(),
+            norm: if self.log { Some(Norm::Log) } else { self.norm },
+            range: self.range,
+            missing: self.missing.unwrap_or(Mapping::default().missing),
+            below: self.below,
+            above: self.above,
+        }
+    }
+
     /// How many images along each edge, if there are several.
     pub(crate) fn images(&self) -> Option<[u32; 3]> {
         self.replicate.filter(|images| *images != [1; 3])

@@ -3,6 +3,7 @@
 //! `args` defines the language, `values` how its words are written, `scene` what files say in it; each verb has a file; `report` speaks to people.
 
 mod ahead;
+mod annotate;
 mod args;
 mod bench;
 mod bench_culling;

@@ -8,6 +8,7 @@ use tyndall::{Error, Image};
 use tyndall_io::write::movie::{self, Encoder, Movie, MovieOptions};
 use tyndall_io::write::{self, ImageOptions};
 
+use crate::annotate::{Annotator, Shown};
 use crate::args;
 use crate::report::{Failure, Outcome, Report, counted, seconds};
 
@@ -26,6 +27,7 @@ pub(crate) enum EncoderName {
 pub(crate) struct Output<'a> {
     args: &'a args::Render,
     report: &'a Report,
+    annotator: Annotator<'a>,
     movie: Option<Movie>,
     written: usize,
 }
@@ -33,7 +35,8 @@ pub(crate) struct Output<'a> {
 impl<'a> Output<'a> {
     /// Refuses before the work what could not be written.
     pub(crate) fn new(args: &'a args::Render, report: &'a Report) -> Outcome<Self> {
-        let output = Self { args, report, movie: None, written: 0 };
+        let annotator = Annotator::new(&args.annotate, report)?;
+        let output = Self { args, report, annotator, movie: None, written: 0 };
         let path = &args.picture.output;
         if !movie::is_movie(path) {
             let first = args
@@ -61,21 +64,27 @@ impl<'a> Output<'a> {
         Ok(output)
     }
 
-    /// Writes a picture to `path`, or appends it to the movie there, and says how long it took to make.
+    /// Refuses annotations that a picture cannot have, before it is made.
+    pub(crate) fn check(&self, shown: &Shown) -> Outcome<()> {
+        self.annotator.check(shown, self.args.picture.pixels())
+    }
+
+    /// Writes a picture with its annotations to `path`, or appends it to the movie there, and says how long it took to make.
     pub(crate) fn write(
         &mut self,
         path: &Path,
-        image: &Image,
-        options: &ImageOptions,
+        (mut image, mut options): (Image, ImageOptions),
+        shown: &Shown,
         took: impl FnOnce() -> Duration,
     ) -> Outcome<()> {
+        self.annotator.annotate(path, &mut image, &mut options, shown)?;
         if self.movie.is_none() && movie::is_movie(path) {
             let begun = Movie::create(path, [image.width, image.height], &self.options(&options.metadata));
             self.movie = Some(begun.map_err(Failure::Output)?);
         }
         let written = match &mut self.movie {
-            Some(movie) => movie.add(image),
-            None => write::image(path, image, options),
+            Some(movie) => movie.add(&image),
+            None => write::image(path, &image, &options),
         };
         written.map_err(Failure::Output)?;
         self.written += 1;

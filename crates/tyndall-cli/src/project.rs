@@ -12,13 +12,14 @@ use tyndall::particles::{Particles, Radii};
 use tyndall::render::project::{Carried, Map, project};
 use tyndall::scene::automatic::{Outliers, framing_of};
 use tyndall::scene::camera::{Camera, View};
-use tyndall::scene::color::Legend;
-use tyndall::scene::coloring::{Norm, Range};
+use tyndall::scene::color::{Key, Legend, Scale};
+use tyndall::scene::coloring::{Mapping, Norm, Range};
 use tyndall::scene::outline::Outline;
 use tyndall::scene::short;
 use tyndall::scene::viewpoint::{Lens, Viewpoint};
 use tyndall::structure::Spheres;
 use tyndall::{Error, Image};
+use tyndall_io::annotation::Behind;
 use tyndall_io::write::map::{self, is_map};
 use tyndall_io::write::{self, ImageOptions};
 
@@ -28,7 +29,7 @@ use crate::names::Numbers;
 use crate::output::{Output, Pattern};
 use crate::report::{Failure, Outcome, Report, bytes, counted, seconds};
 use crate::values::Background;
-use crate::{ahead, input, metadata, plan, progress, render, selection};
+use crate::{ahead, annotate, input, metadata, plan, progress, render, selection};
 
 /// With --mode project: which quantity is projected. Rays are parallel; --weight makes a mean of it.
 #[derive(Args)]
@@ -93,17 +94,19 @@ pub(crate) fn run(args: &Render, report: &Report) -> Outcome<()> {
             ];
             guesses.extend(share);
             guesses.extend(carrying.notes.iter().cloned().chain([framed]));
-            let legend = kept.as_ref().and_then(|it: &Kept| it.legend.clone());
+            let scale = kept.as_ref().and_then(|it: &Kept| it.scale.clone());
             let time = particles.time();
-            let entries =
-                |guesses: &[String]| metadata::entries(&sequence, number, time, &job.settings(), guesses);
-            let mut first = Kept { camera, outline, legend };
+            let entries = |guesses: &[String], picture| {
+                let of_frame = metadata::of_frame(args, &sequence, number, time, &job.settings(), guesses);
+                metadata::of_picture(of_frame, picture)
+            };
+            let mut first = Kept { camera, outline, scale };
             for (place, picture) in wanted.iter().enumerate() {
                 let start = Instant::now();
                 let camera = picture.camera(args, &job.viewpoint, (&first.camera, &first.outline))?;
                 let view = job.view(&camera, &particles)?;
                 let found = job.map(&particles, &carrying, &view)?;
-                let shown = job.shown(&found, &carrying, first.legend.as_ref())?;
+                let shown = job.shown(&found, &carrying, first.scale.as_ref())?;
                 let guesses: Vec<String> = guesses.iter().chain(&shown.told).cloned().collect();
                 if is_first && place == 0 {
                     report.note(format_args!("tyndall: {}", guesses.join(" · ")));
@@ -111,16 +114,11 @@ pub(crate) fn run(args: &Render, report: &Report) -> Outcome<()> {
                     report.detail(format_args!("frame {number}: {}", guesses.join(" · ")));
                 }
                 if args.frames.fixed_range {
-                    first.legend.get_or_insert_with(|| shown.legend.clone());
+                    first.scale.get_or_insert_with(|| shown.scale.clone());
                 }
                 let took = || start.elapsed();
-                job.write(
-                    &picture.path,
-                    (&shown, &view, &particles),
-                    entries(&guesses),
-                    output.as_mut(),
-                    took,
-                )?;
+                let seen = Seen { camera, view, frame: number, particles: &particles };
+                job.write(&picture.path, (&shown, &seen), entries(&guesses, picture), output.as_mut(), took)?;
                 *written += 1;
                 if progress::stopped() {
                     return Err(Error::Interrupted.into());
@@ -151,7 +149,7 @@ fn viewpoint(args: &Render) -> Outcome<Viewpoint> {
 struct Kept {
     camera: Camera,
     outline: Outline,
-    legend: Option<Legend>,
+    scale: Option<Scale>,
 }
 
 /// What the particles carry.
@@ -170,8 +168,16 @@ struct Carrying {
 struct Shown {
     values: Vec<f64>,
     label: String,
-    legend: Legend,
+    scale: Scale,
     told: Vec<String>,
+}
+
+/// Where a map is of.
+struct Seen<'a> {
+    camera: Camera,
+    view: View,
+    frame: usize,
+    particles: &'a Particles,
 }
 
 /// The command line.
@@ -184,9 +190,20 @@ struct Job<'a> {
 impl Job<'_> {
     /// Refuses before the work what cannot be.
     fn check(&self) -> Outcome<()> {
-        let look = &self.args.look;
-        let beyond = look.images().map(|_| "--replicate").or(look.bonds.map(|_| "--bonds"));
-        if let Some(flag) = beyond {
+        let (look, picture) = (&self.args.look, &self.args.picture);
+        let others = [
+            ("--replicate", look.images().is_some()),
+            ("--bonds", look.bonds.is_some()),
+            ("--aperture", look.aperture.is_some()),
+            ("--bounces", look.bounces.is_some()),
+            ("--noise", self.args.medium.noise.is_some()),
+            ("--time", picture.time.is_some()),
+            ("--crop", picture.crop.is_some()),
+            ("--stereo", picture.stereo.is_some()),
+            ("--layers", picture.layers.is_some()),
+            ("--panorama", self.args.camera.panorama),
+        ];
+        if let Some((flag, _)) = others.iter().find(|(_, is_given)| *is_given) {
             return Err(Failure::Usage(format!("{flag} is for spheres — leave it out with --mode project")));
         }
         if self.args.look.look != LightLook::Default {
@@ -286,26 +303,25 @@ impl Job<'_> {
     }
 
     /// The numbers and their colors, and what is told about them.
-    fn shown(&self, map: &Map, carrying: &Carrying, kept: Option<&Legend>) -> Outcome<Shown> {
+    fn shown(&self, map: &Map, carrying: &Carrying, kept: Option<&Scale>) -> Outcome<Shown> {
         let last = map.columns.len() - 1;
         if map.columns[last].iter().all(|it| *it == 0.0) {
             let text = "nothing of the particles is in the map — where does it look? (--look-at, --ortho, --quantity)";
             return Err(Failure::Unseen(text.into()));
         }
         let values = if last == 0 { map.columns[0].clone() } else { map.mean(0, 1) };
-        let look = &self.args.look;
-        let asked = if look.log { Some(Norm::Log) } else { look.norm };
+        let mapping = self.args.look.mapping();
         let (norm, range) = match kept {
-            Some(legend) => (Some(legend.norm), Range::Given(legend.low, legend.high)),
-            None => (asked, look.range),
+            Some(scale) => (Some(scale.norm), Range::Given(scale.low, scale.high)),
+            None => (mapping.norm, mapping.range),
         };
         // Of what is summed up nearly nothing lies at the edges of kernels, where it falls by orders of magnitude.
         let most = (kept.is_none() && last == 0 && range == Range::Auto && norm != Some(Norm::Linear))
             .then(|| most_of(&values))
             .flatten();
         let (range, norm) = most.map_or((range, norm), |range| (range, Some(Norm::Log)));
-        let (legend, mut colors) =
-            Legend::of_numbers(&carrying.label, &values, look.cmap.as_ref(), norm, range)?;
+        let mapping = Mapping { norm, range, ..mapping };
+        let (scale, mut colors) = Scale::of_numbers(&carrying.label, &values, &mapping)?;
         if most.is_some() {
             colors = colors.replace("(given)", "(99 % of it above, 99.9 % of the pixels below)");
         }
@@ -325,19 +341,20 @@ impl Job<'_> {
         }
         let [width, height] = self.args.picture.pixels();
         told.push(format!("{width}x{height}"));
-        Ok(Shown { values, label: carrying.label.clone(), legend, told })
+        Ok(Shown { values, label: carrying.label.clone(), scale, told })
     }
 
     /// Writes a map or its picture.
     fn write(
         &self,
         path: &Path,
-        (shown, view, particles): (&Shown, &View, &Particles),
+        (shown, seen): (&Shown, &Seen),
         metadata: Vec<(String, String)>,
         output: Option<&mut Output>,
         took: impl Fn() -> Duration,
     ) -> Outcome<()> {
         let [width, height] = self.args.picture.pixels();
+        let Seen { view, particles, .. } = seen;
         let Some(output) = output else {
             let [pixel, left, top] = [view.pixel, view.left, view.top].map(f64::from);
             let map = map::Map {
@@ -361,10 +378,10 @@ impl Job<'_> {
             _ => None,
         };
         let color = |&value: &f64| {
-            let is_nothing = value.is_nan() || (value == 0.0 && shown.legend.norm == Norm::Log);
+            let is_nothing = value.is_nan() || (value == 0.0 && shown.scale.norm == Norm::Log);
             match (is_exr, is_nothing) {
                 (true, _) => [value as f32, value as f32, value as f32, 1.0],
-                (false, false) => opaque(shown.legend.color(value)),
+                (false, false) => opaque(shown.scale.color(value)),
                 (false, true) => behind.map_or([0.0; 4], opaque),
             }
         };
@@ -376,12 +393,24 @@ impl Job<'_> {
             id: vec![-1; shown.values.len()],
         };
         let options = ImageOptions {
-            bits: if self.args.picture.bits == "16" { 16 } else { 8 },
-            dpi: self.args.picture.dpi,
-            metadata,
+            has_depth: false,
+            has_ids: false,
             channels: vec![("map".into(), shown.values.iter().map(|it| *it as f32).collect())],
+            ..self.args.picture.options(metadata)
         };
-        output.write(path, &image, &options, took)
+        let unit = Some(self.args.project.unit.clone()).filter(|unit| !unit.is_empty());
+        let key = Key::Amounts(shown.scale.clone());
+        let legend = Legend { label: shown.label.clone(), unit, key, missing: None };
+        let annotated = annotate::Shown {
+            camera: seen.camera,
+            behind: behind.map_or(Behind::Nothing, Behind::Color),
+            colors: (Some(&legend), "of the map"),
+            frame: seen.frame,
+            time: (particles.time(), particles.time_unit()),
+            length_unit: particles.length_unit(),
+            cell: particles.cell().copied(),
+        };
+        output.write(path, (image, options), &annotated, took)
     }
 }
 

@@ -25,9 +25,11 @@ use tyndall::structure::replicas::Replicas;
 use tyndall::structure::saved::RadiiOf;
 use tyndall::structure::{Kind, Spheres, Structure};
 use tyndall::{Error, Source};
+use tyndall_io::annotation::Behind;
 use tyndall_io::{Parts, Saved, Sequence};
 
 use crate::ahead::Ahead;
+use crate::annotate::Shown as Annotated;
 use crate::args::{self, Builder, LightLook, Mode, Selection};
 use crate::device::{self, Goal, Held, Renders};
 use crate::layers::{self, Layer};
@@ -153,9 +155,9 @@ impl<'a> Job<'a> {
             return Err(Error::setting("--certified", "coverage", "without coverage with --replicate").into());
         }
         let of_picture = shot::beyond_cards(args);
-        if let (Some(name), Some(other)) = (goal.name(), of_picture)
-            && !args.camera.panorama
-        {
+        let part = of_picture.filter(|_| !args.camera.panorama || args.picture.stereo.is_some());
+        let refused = goal.name().zip(part).or(args.annotate.name().zip(shot::not_plain(args)));
+        if let Some((name, other)) = refused {
             let text = format!("{name} is not for {other} — leave out one of them");
             return Err(Failure::Usage(text));
         }
@@ -420,6 +422,10 @@ impl<'a> Job<'a> {
 
         let building = Instant::now();
         let (time, dropped) = (particles.time(), particles.dropped().total());
+        let units = [particles.time_unit(), particles.length_unit()].map(|it| it.map(str::to_string));
+        let [time_unit, length_unit] = units.each_ref().map(Option::as_deref);
+        let cell = particles.cell().copied();
+        let (legend, color_text) = (colors.legend.clone(), colors.description.clone());
         let scale = self.args.look.radius_scale;
         let ((structure, dropped), held) = match (&parts, opened) {
             (Some(parts), _) => (self.stream(parts, &radii, &colors)?, Held::NONE),
@@ -463,6 +469,16 @@ impl<'a> Job<'a> {
             let rendering = Instant::now();
             let camera = picture.camera(self.args, &self.viewpoint, (&camera, &outline))?;
             self.set_light(&mut scene, dropped, &camera)?;
+            let annotated = Annotated {
+                camera,
+                behind: self.background.map_or(Behind::Nothing, Behind::Color),
+                colors: (legend.as_ref(), &color_text),
+                frame: number,
+                time: (time, time_unit),
+                length_unit,
+                cell,
+            };
+            output.check(&annotated)?;
             let whole = |scene: &Scene, camera: &Camera| {
                 loaded.image(scene, camera, (&self.settings, self.goal), self.report)
             };
@@ -489,7 +505,7 @@ impl<'a> Job<'a> {
                 }
                 self.report.detail(format_args!("render: {}", seconds(rendering.elapsed().as_secs_f64())));
                 options.channels = channels;
-                output.write(&picture.path, &image, &options, || since.elapsed())?;
+                output.write(&picture.path, (image, options), &annotated, || since.elapsed())?;
             }
             *written += 1;
             if progress::stopped() {
@@ -585,14 +601,12 @@ impl<'a> Job<'a> {
 
     fn colors(&self, particles: &Particles, kept: Option<&Kept>) -> Outcome<ParticleColors> {
         let look = &self.args.look;
-        let norm = if look.log { Some(Norm::Log) } else { look.norm };
-        let (norm, range) = match kept.and_then(|kept| kept.range) {
-            Some((norm, range)) => (Some(norm), range),
-            None => (norm, look.range),
+        let mapping = look.mapping();
+        let mapping = match kept.and_then(|kept| kept.range) {
+            Some((norm, range)) => Mapping { norm: Some(norm), range, ..mapping },
+            None => mapping,
         };
-        let missing = look.missing.unwrap_or(Mapping::default().missing);
-        let (map, below, above) = (look.cmap.clone(), look.below, look.above);
-        Ok(resolve(particles, &look.color, &Mapping { map, norm, range, missing, below, above })?)
+        Ok(resolve(particles, &look.color, &mapping)?)
     }
 
     /// All that was chosen and guessed, piece by piece.

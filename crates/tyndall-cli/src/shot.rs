@@ -35,6 +35,20 @@ pub(crate) fn band_rows(picture: &args::Picture, path: &Path, memory: Option<u64
     (is_large && is_plain && write::takes_bands(path)).then_some(rows.min(height))
 }
 
+/// What makes a picture one over which nothing can be written, as the command line calls it, if it is one.
+pub(crate) fn not_plain(args: &args::Render) -> Option<&'static str> {
+    let picture = &args.picture;
+    let is_banded = band_rows(picture, &picture.written(0), args.method.memory).is_some();
+    [
+        (picture.crop.is_some(), "--crop"),
+        (picture.stereo.is_some(), "--stereo"),
+        (args.camera.panorama, "--panorama"),
+        (is_banded, "pictures of so many pixels"),
+    ]
+    .into_iter()
+    .find_map(|(is_so, name)| is_so.then_some(name))
+}
+
 /// What of a picture cards do not draw, as the command line calls it, if anything of that is wanted.
 pub(crate) fn beyond_cards(args: &args::Render) -> Option<&'static str> {
     let picture = &args.picture;

@@ -54,7 +54,21 @@ pub(crate) fn reason(error: &Error) -> String {
             parts.push(line.trim_start_matches("error: ").to_string());
         }
     }
-    parts.join(" — ").replace(": — ", ": ")
+    let taken = match error.kind() {
+        ErrorKind::MissingRequiredArgument => taken(std::env::args()).unwrap_or_default(),
+        _ => String::new(),
+    };
+    format!("{}{taken}", parts.join(" — ").replace(": — ", ": "))
+}
+
+/// Says which file was taken for the value of a flag that takes any words or none, if one was.
+fn taken(words: impl Iterator<Item = String>) -> Option<String> {
+    let words: Vec<String> = words.collect();
+    let found = words.windows(2).find(|pair| {
+        matches!(pair[0].as_str(), "--bar" | "--time-label")
+            && (Path::new(&pair[1]).exists() || pair[1].starts_with("synthetic:"))
+    })?;
+    Some(format!(" — '{}' was taken for the value of {}: name files before it", found[1], found[0]))
 }
 
 /// Words without a verb: a file that wants to be seen, or a verb that does not exist.

@@ -6,6 +6,7 @@ use std::time::Duration;
 use glam::DVec3;
 use tyndall::film::Window;
 use tyndall::scene::coloring::Coloring;
+use tyndall::scene::short;
 use tyndall::{Error, Result};
 
 /// The sides of a picture, in pixels.
@@ -190,6 +191,101 @@ impl FromStr for Background {
     }
 }
 
+/// How a time is written over a picture.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) enum LabelFormat {
+    /// By its unit: `step 100`, `z = 0.5`, `t = 2 ps`.
+    Auto,
+    /// Texts and what stands between them.
+    Pieces(Vec<Piece>),
+}
+
+/// A part of a label.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) enum Piece {
+    Text(String),
+    /// The time, with so many decimals.
+    Time(Option<usize>),
+    /// The redshift, where the time is a scale factor, with so many decimals.
+    Redshift(Option<usize>),
+    Unit,
+    /// The number of the frame.
+    Frame,
+}
+
+impl FromStr for LabelFormat {
+    type Err = Error;
+
+    fn from_str(text: &str) -> Result<Self> {
+        if text == "auto" {
+            return Ok(Self::Auto);
+        }
+        let wanted = || {
+            let allowed = "a text with {time}, {time:.2}, {unit}, {z}, {z:.2} or {frame} in it";
+            Error::setting("--time-label", text, allowed)
+        };
+        let (mut pieces, mut rest) = (Vec::new(), text);
+        while let Some((before, after)) = rest.split_once('{') {
+            let (name, behind) = after.split_once('}').ok_or_else(wanted)?;
+            pieces.push(Piece::Text(before.into()));
+            let (name, decimals) = match name.split_once(':') {
+                Some((name, format)) => {
+                    let digits =
+                        format.strip_prefix('.').and_then(|it| it.parse().ok()).filter(|it| *it <= 15);
+                    (name, Some(digits.ok_or_else(wanted)?))
+                }
+                None => (name, None),
+            };
+            pieces.push(match (name, decimals) {
+                ("time", decimals) => Piece::Time(decimals),
+                ("z", decimals) => Piece::Redshift(decimals),
+                ("unit", None) => Piece::Unit,
+                ("frame", None) => Piece::Frame,
+                _ => return Err(wanted()),
+            });
+            rest = behind;
+        }
+        pieces.push(Piece::Text(rest.into()));
+        Ok(Self::Pieces(pieces))
+    }
+}
+
+impl LabelFormat {
+    /// The label of a frame with that time and its unit; `None` if it needs a time that is not there.
+    pub(crate) fn text(&self, (time, unit): (Option<f64>, Option<&str>), frame: usize) -> Option<String> {
+        let redshift = time.filter(|a| unit == Some("a") && *a > 0.0).map(|a| 1.0 / a - 1.0);
+        let number = |number: f64, decimals: Option<usize>| {
+            // Rounding errors of a redshift are no digits that count, and 0 has no sign.
+            let number = if number.abs() < 1e-9 { 0.0 } else { number };
+            let text = decimals.map_or_else(|| short(number), |decimals| format!("{number:.decimals$}"));
+            text.replace('-', "\u{2212}")
+        };
+        match self {
+            Self::Auto => {
+                let time = time?;
+                Some(match (unit, redshift) {
+                    (Some("step"), _) => format!("step {time}"),
+                    (_, Some(redshift)) => format!("z = {}", number(redshift, None)),
+                    (Some(unit), _) => format!("t = {} {unit}", number(time, None)),
+                    (None, _) => format!("t = {}", number(time, None)),
+                })
+            }
+            Self::Pieces(pieces) => pieces
+                .iter()
+                .map(|piece| {
+                    Some(match piece {
+                        Piece::Text(text) => text.clone(),
+                        Piece::Time(decimals) => number(time?, *decimals),
+                        Piece::Redshift(decimals) => number(redshift?, *decimals),
+                        Piece::Unit => unit?.into(),
+                        Piece::Frame => frame.to_string(),
+                    })
+                })
+                .collect(),
+        }
+    }
+}
+
 /// Frames as Python slices a list: `START:STOP:STEP`, each of which may be left out or count from the end.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Slice {
@@ -276,6 +372,25 @@ pub(crate) fn frame(number: i64, count: usize) -> Result<usize> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn labels_say_the_time_as_the_file_does() {
+        let label = |format: &str, time, unit| format.parse::<LabelFormat>().unwrap().text((time, unit), 7);
+        let some = |text: &str| Some(text.to_string());
+        assert_eq!(label("auto", Some(2.5), Some("ps")), some("t = 2.5 ps"));
+        assert_eq!(label("auto", Some(1_500_000.0), Some("step")), some("step 1500000"));
+        assert_eq!(label("auto", Some(0.5), Some("a")), some("z = 1"));
+        assert_eq!(label("auto", Some(1.0), Some("a")), some("z = 0"));
+        assert_eq!(label("auto", Some(-1.0), None), some("t = \u{2212}1"));
+        assert_eq!(label("auto", None, Some("ps")), None);
+        assert_eq!(label("{time:.2} {unit}, frame {frame}", Some(1.0), Some("s")), some("1.00 s, frame 7"));
+        assert_eq!(label("frame {frame}", None, None), some("frame 7"));
+        assert_eq!(label("z={z:.1}", Some(0.25), Some("a")), some("z=3.0"));
+        assert_eq!(label("z={z}", Some(0.25), Some("ps")), None);
+        for bad in ["{", "{x}", "{time:2}", "{frame:.1}", "{time:.99}"] {
+            assert!(bad.parse::<LabelFormat>().is_err(), "{bad}");
+        }
+    }
 
     #[test]
     fn frames_are_sliced_as_python_does() {

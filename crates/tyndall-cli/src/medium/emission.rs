@@ -7,7 +7,7 @@ use tyndall::medium::density::Field;
 use tyndall::medium::grid::{BRICK, Lattice};
 use tyndall::medium::{BlackBody, Emission, Grid};
 use tyndall::particles::{Attribute, Particles, Values as Column};
-use tyndall::scene::color::Legend;
+use tyndall::scene::color::Scale;
 use tyndall::scene::coloring::Coloring;
 use tyndall::scene::quantity::{Component, Quantity};
 use tyndall::scene::short;
@@ -192,7 +192,7 @@ fn samples(lattice: Lattice, brick: [u32; 3]) -> impl Iterator<Item = [u32; 3]> 
 pub(super) enum Source {
     Even([f32; 3]),
     BlackBody(BlackBody),
-    Map(Box<Legend>),
+    Map(Box<Scale>),
 }
 
 impl Source {
@@ -225,11 +225,9 @@ impl Source {
             let text = format!("black body of {name}: {} K has luminance 1 ({how})", short(kelvins));
             return Ok(Some((Self::BlackBody(body), text)));
         }
-        let look = &args.look;
         let numbers: Vec<f64> = weighted.iter().map(|(value, _)| *value).collect();
-        let norm = if look.log { Some(tyndall::scene::coloring::Norm::Log) } else { look.norm };
-        let (legend, text) = Legend::of_numbers(name, &numbers, look.cmap.as_ref(), norm, look.range)?;
-        Ok(Some((Self::Map(Box::new(legend)), format!("emission {text}"))))
+        let (scale, text) = Scale::of_numbers(name, &numbers, &args.look.mapping())?;
+        Ok(Some((Self::Map(Box::new(scale)), format!("emission {text}"))))
     }
 
     /// The emission of a density.
@@ -247,7 +245,7 @@ impl Source {
                 let value = values.at(density, sample);
                 let radiance = match source {
                     Self::BlackBody(body) => body.radiance(value),
-                    Self::Map(legend) => legend.color(value),
+                    Self::Map(scale) => scale.color(value),
                     Self::Even(radiance) => *radiance,
                 };
                 radiance.map(|it| scale * it)

@@ -27,20 +27,21 @@ use tyndall::scene::camera::{Camera, View};
 use tyndall::scene::outline::Outline;
 use tyndall::scene::short;
 use tyndall::structure::Spheres;
-use tyndall::{DVec3, Error, Vec3};
+use tyndall::{Cell, DVec3, Error, Vec3};
+use tyndall_io::annotation::Behind;
 use tyndall_io::read::{self, Described};
 use tyndall_io::{vdb, write};
 
 use self::args::{CacheName, MethodName, OpticsName};
 use self::emission::{EmissionSpec, Source, Values};
 use self::looks::MediumLook;
-use crate::args::{Picture, Render};
+use crate::args::{LightLook, Picture, Render};
 use crate::layers::{self, Layer};
 use crate::names::Numbers;
 use crate::output::{Output, Pattern};
 use crate::report::{Failure, Outcome, Report, counted, seconds};
 use crate::values::Background;
-use crate::{ahead, dry_run, input, metadata, plan, progress, render, scene, selection};
+use crate::{ahead, annotate, dry_run, input, metadata, plan, progress, render, scene, selection};
 use picture::Renderer;
 use values::Rgb;
 
@@ -115,10 +116,17 @@ pub(crate) fn run(args: &Render, report: &Report) -> Outcome<()> {
             let time = particles.time();
             let metadata =
                 metadata::of_frame(args, &sequence, number, time, &job.spheres_settings(), &guesses);
+            let facts = Facts {
+                frame: number,
+                time: (time, particles.time_unit()),
+                length_unit: particles.length_unit(),
+                cell: particles.cell().copied(),
+                metadata: &metadata,
+            };
             let scene = kept.insert(scene);
             match wanted {
                 [] => Ok(()),
-                wanted => job.pictures(&medium, scene, wanted, &metadata, (&mut output, written)),
+                wanted => job.pictures(&medium, scene, wanted, &facts, (&mut output, written)),
             }
         })
     });
@@ -138,6 +146,16 @@ struct Scene {
     origin: DVec3,
     /// What was chosen, piece by piece.
     guesses: Vec<String>,
+}
+
+/// What is known of a frame beside its medium.
+struct Facts<'a> {
+    frame: usize,
+    /// With its unit.
+    time: (Option<f64>, Option<&'a str>),
+    length_unit: Option<&'a str>,
+    cell: Option<Cell>,
+    metadata: &'a [(String, String)],
 }
 
 /// The command line.
@@ -182,6 +200,12 @@ impl Job<'_> {
         if self.args.look.images().is_some() {
             let text = "--replicate is for spheres — leave it out, or --mode medium";
             return Err(Failure::Usage(text.into()));
+        }
+        if let Some(flag) = self.args.annotate.of_colors() {
+            let text = format!(
+                "{flag} is for spheres, whose colors stand for numbers — leave it out, or --mode medium"
+            );
+            return Err(Failure::Usage(text));
         }
         if self.args.look.bonds.is_some() {
             let text = "--bonds is for spheres — leave it out, or --mode medium";
@@ -242,10 +266,12 @@ impl Job<'_> {
                 self.report.note(format_args!("tyndall: {}", guesses.join(" · ")));
             }
             let metadata = metadata::of_grid(self.args, path, &self.spheres_settings(), &guesses);
+            let time = (None, None);
+            let facts = Facts { frame: number, time, length_unit: None, cell: None, metadata: &metadata };
             let scene = kept.insert(scene);
             match wanted {
                 [] => Ok(()),
-                wanted => self.pictures(&medium, scene, wanted, &metadata, (&mut output, written)),
+                wanted => self.pictures(&medium, scene, wanted, &facts, (&mut output, written)),
             }
         });
         output.finish(done)
@@ -257,7 +283,7 @@ impl Job<'_> {
         medium: &Medium,
         scene: &Scene,
         pictures: &[&plan::Picture],
-        metadata: &[(String, String)],
+        facts: &Facts,
         (output, written): (&mut Output, &mut usize),
     ) -> Outcome<()> {
         let start = Instant::now();
@@ -266,10 +292,24 @@ impl Job<'_> {
             let marching = Instant::now();
             let viewpoint = render::viewpoint(self.args)?;
             let camera = picture.camera(self.args, &viewpoint, (&scene.camera, &scene.outline))?;
-            let options = self.args.picture.options(metadata::of_picture(metadata.to_vec(), picture));
+            let options = self.args.picture.options(metadata::of_picture(facts.metadata.to_vec(), picture));
             let since = if place == 0 { start } else { marching };
-            let (image, options) = renderer.picture(&self.view(&camera, scene.origin)?, options)?;
-            output.write(&picture.path, &image, &options, || since.elapsed())?;
+            let shown = annotate::Shown {
+                camera,
+                behind: match self.background() {
+                    Background::Nothing => Behind::Nothing,
+                    Background::Color(color) => Behind::Color(color),
+                    Background::Sky => Behind::Picture,
+                },
+                colors: (None, "of light"),
+                frame: facts.frame,
+                time: facts.time,
+                length_unit: facts.length_unit,
+                cell: facts.cell,
+            };
+            output.check(&shown)?;
+            let finished = renderer.picture(&self.view(&camera, scene.origin)?, options)?;
+            output.write(&picture.path, finished, &shown, || since.elapsed())?;
             *written += 1;
             if progress::stopped() {
                 return Err(Error::Interrupted.into());

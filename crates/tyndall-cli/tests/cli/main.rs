@@ -1,6 +1,7 @@
 //! The binary as its users meet it: pictures, numbers, words and exit codes.
 #![allow(clippy::unwrap_used, reason = "helpers of tests, in which a panic is the failure")]
 
+mod annotations;
 mod bench;
 mod bonds;
 mod build;

@@ -162,7 +162,9 @@ fn looks_are_defaults_by_name() {
         folder.render(&format!("{smoke} --look fire --albedo 0.9 --g 0.5 --emission none -o b.png")).fine();
     assert!(said.contains("albedo 0.9, g 0.5") && !said.contains("black body"), "{said}");
     folder.render("synthetic:packed?n=9 --look fire -o a.png").fails(2, &["no attribute 'temperature'"]);
-    folder.render("synthetic:packed?n=9 --look dust -o a.png").fails(2, &["--mode medium"]);
+    folder
+        .render("synthetic:packed?n=9 --mode medium --look metal -o a.png")
+        .fails(2, &["for spheres", "dust, smoke"]);
     folder.render(&format!("{smoke} --mode project --look fire -o a.png")).fails(2, &["--look"]);
 }
 

@@ -14,7 +14,7 @@ use crate::math::Ray;
 /// Places between 0 and 1 and weights of the rule of Gauss and Legendre that integrates degree seven exactly.
 const GAUSS: [[f32; 2]; 4] = [
     [0.069_431_84, 0.173_927_42],
-    [0.330_009_48, 0.326_072_58],
+    [0.330_009_5, 0.326_072_58],
     [0.669_990_52, 0.326_072_58],
     [0.930_568_16, 0.173_927_42],
 ];
