@@ -74,6 +74,13 @@ impl ScaleBar {
                     ", at the distance of what the camera looks at",
                 )
             }
+            Projection::Panorama => {
+                return Err(Error::setting(
+                    "--scalebar",
+                    "given",
+                    "left out of panoramas, which have no scale",
+                ));
+            }
         };
         let pixels_per_unit = f64::from(height) / seen;
         let (length, pixels) = match wanted {
