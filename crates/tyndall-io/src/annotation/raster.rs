@@ -7,7 +7,7 @@ use ab_glyph::Point;
 use ab_glyph_rasterizer::Rasterizer;
 
 use super::font::{Curve, Font};
-use super::linear;
+use super::{MIDDLE, linear, luminance};
 use super::mark::{Block, Direction, Ink, Mark};
 
 /// A picture to be drawn on.
@@ -21,6 +21,8 @@ pub(super) struct Canvas {
 
 /// How far the rim reaches, in ems of the text.
 const RIM: f32 = 0.13;
+/// See [`Canvas::weight`]: half way to what programs do that mix encoded colors.
+const DARK_WEIGHT: f32 = 1.7;
 /// How much of the data the rim hides.
 const OPACITY: f32 = 0.8;
 
@@ -54,12 +56,18 @@ impl Canvas {
                     self.colors((*corner, *size), colors, *direction, color);
                 }
                 (Mark::Area { ink: Ink::Color(own), .. }, Some(mask)) => self.fill(mask, linear(*own), color),
-                (Mark::Area { .. } | Mark::Text { .. }, Some(mask)) => {
-                    self.fill(mask, linear(self.text), color)
+                (Mark::Area { .. }, Some(mask)) => self.fill(mask, linear(self.text), color),
+                (Mark::Text { .. }, Some(mask)) => {
+                    self.fill(&mask.weighted(self.weight()), linear(self.text), color)
                 }
                 (_, None) => {}
             }
         }
+    }
+
+    /// The power by which what dark text leaves of a pixel is less: in linear light its thin lines would look gray. Bright text needs none.
+    fn weight(&self) -> f32 {
+        if luminance(linear(self.text)) > MIDDLE { 1.0 } else { DARK_WEIGHT }
     }
 
     /// Lays a color over pixels by their coverage.
@@ -178,6 +186,12 @@ pub(super) fn mask(mark: &Mark, font: &Font) -> Option<Mask> {
 }
 
 impl Mask {
+    /// The same, of which less shines through.
+    fn weighted(&self, power: f32) -> Self {
+        let coverage = self.coverage.iter().map(|value| 1.0 - (1.0 - value.clamp(0.0, 1.0)).powf(power));
+        Self { coverage: coverage.collect(), ..*self }
+    }
+
     /// All within `radius` of what is covered.
     fn grown(&self, radius: f32) -> Self {
         let border = radius.ceil() as usize;
