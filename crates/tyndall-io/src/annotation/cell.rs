@@ -194,7 +194,7 @@ mod tests {
             let wall = 11.0;
             let (open, walled) = (draw(f32::INFINITY), draw(wall));
             let (mut seen, mut hidden) = (0, 0);
-            for place in (0..120 * 90).step_by(11) {
+            for place in (0..120 * 90).step_by(7) {
                 let all = passes(place % 120, place / 120);
                 let (least, along) = all.iter().copied().min_by(|a, b| a.0.total_cmp(&b.0)).unwrap();
                 let is_dark = |color: &[[f32; 4]]| color[place][0] < 0.9;
