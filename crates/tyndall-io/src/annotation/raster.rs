@@ -7,8 +7,8 @@ use ab_glyph::Point;
 use ab_glyph_rasterizer::Rasterizer;
 
 use super::font::{Curve, Font};
-use super::{MIDDLE, linear, luminance};
 use super::mark::{Block, Direction, Ink, Mark};
+use super::{MIDDLE, linear, luminance};
 
 /// A picture to be drawn on.
 pub(super) struct Canvas {
