@@ -523,7 +523,7 @@ pub(crate) enum LightLook {
     Glossy,
     /// Brushed mirrors in the particles' colors
     Metal,
-    /// Clear bodies; the particles' colors are what light has after a diameter
+    /// Clear bodies; the particles' colors are what light has after four diameters
     Glass,
     /// The same with less refraction
     Water,

@@ -138,12 +138,9 @@ impl Reader<'_> {
                 });
                 values.collect::<Result<Vec<_>, Wrong>>()?
             }
-            DeValue::Boolean(is_on) if key.values() == Values::Switch => {
-                if *is_on {
-                    vec![(String::new(), line)]
-                } else {
-                    Vec::new()
-                }
+            DeValue::Boolean(is_on) if key.values() == Values::Switch || key.may_be_bare() => {
+                let word = if key.may_be_bare() { "auto" } else { "" };
+                if *is_on { vec![(word.into(), line)] } else { Vec::new() }
             }
             _ if key.values() == Values::Switch => return Err(at_line("it is true or false".into())),
             value => vec![(self.text(key, value).map_err(at_line)?, line)],

@@ -87,6 +87,12 @@ impl Key {
         }
     }
 
+    /// Whether the flag may stand without a value, which means `auto`.
+    pub(super) fn may_be_bare(&self) -> bool {
+        self.values() != Values::Switch
+            && self.arg.get_num_args().is_some_and(|count| count.min_values() == 0)
+    }
+
     /// What stands between the parts of a value, as the name of the value has it: `X,Y,Z`, `WxH`, `LOW:HIGH`.
     fn separator(&self) -> char {
         let name =

@@ -106,6 +106,7 @@ fn described(key: &Key) -> Value {
         _ if !names.is_empty() => {
             json!({ "enum": names.iter().flat_map(|it| forms(it.get_name())).collect::<Vec<_>>() })
         }
+        _ if key.may_be_bare() => json!({ "type": ["boolean", "string", "number"] }),
         _ if key.is_integer() => json!({ "type": ["integer", "string"] }),
         _ if key.is_number() => json!({ "type": ["number", "string"] }),
         _ if key.is_path() || key.values() == Values::Several => text.clone(),

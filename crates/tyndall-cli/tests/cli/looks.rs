@@ -69,7 +69,7 @@ fn samples_are_added_until_the_noise_or_the_time_is_reached() {
     assert!(noise > 0.0 && noise <= 4.0, "{said}");
     assert!(folder.render("a.xyz -o a.png --noise 0.001%").fine().contains("4 to 4 samples"));
     assert!(
-        folder.line("render --size 8x8 a.xyz -o a.png --time 0.001s").fine().contains("16 to 16 samples")
+        folder.line("render --size 8x8 a.xyz -o a.png --time 0.000001s").fine().contains("16 to 16 samples")
     );
 }
 

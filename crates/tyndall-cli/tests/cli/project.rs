@@ -94,6 +94,6 @@ fn projections_that_cannot_be_say_why() {
     }
     let past = "a.csv --mode project --eye 0,0,50 --look-at 900,0,0 --ortho 1 -o a.png";
     folder.render(past).fails(3, &["nothing of the particles is in the map"]);
-    folder.render("a.csv -o a.npy").fails(2, &[".png .exr"]);
+    folder.render("a.csv -o a.npy").fails(2, &[".png .jpg .exr"]);
     assert_eq!(folder.names(), ["a.csv"]);
 }

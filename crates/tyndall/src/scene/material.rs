@@ -22,7 +22,7 @@ pub enum Material {
         /// 0.02 (polished) to 1.
         roughness: f32,
     },
-    /// Clear; the particle's color is what is left of white light that crosses its diameter. Particles that overlap are one body.
+    /// Clear; the particle's color is what is left of white light that crosses four of its diameters. Particles that overlap are one body.
     Clear {
         /// Refractive index, above 1: 1.33 of water, 1.5 of glass.
         index: f32,

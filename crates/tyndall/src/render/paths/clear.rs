@@ -10,6 +10,9 @@ use super::{MOST_CLEAR, Surface, Tracer};
 use crate::math::Ray;
 use crate::random::Stream;
 
+/// Diameters after which light has a sphere's color: colors of maps are too dark for one.
+pub(super) const COLOR_DIAMETERS: f32 = 4.0;
+
 /// Light that goes on from the surface of a clear body.
 pub(super) struct Out {
     pub(super) origin: Vec3,
@@ -85,10 +88,10 @@ impl Inside {
         (end, clearness * self.left(end - start))
     }
 
-    /// The share of light that is left after a length within the sphere: its color after a diameter.
+    /// The share of light that is left after a length within the sphere.
     fn left(&self, length: f32) -> Vec3 {
-        let diameters = (length / (2.0 * self.sphere.1)).max(0.0);
-        Vec3::from_array(self.color.to_array().map(|channel| channel.max(1e-6).powf(diameters).min(1.0)))
+        let depths = (length / (COLOR_DIAMETERS * 2.0 * self.sphere.1)).max(0.0);
+        Vec3::from_array(self.color.to_array().map(|channel| channel.max(1e-6).powf(depths).min(1.0)))
     }
 }
 

@@ -2,6 +2,7 @@
 
 use glam::{DVec3, Vec3};
 
+use super::clear::COLOR_DIAMETERS;
 use crate::film::Image;
 use crate::particles::{Attribute, Columns, Particles, Positions, Radii, Values};
 use crate::render::{Settings, render};
@@ -139,8 +140,9 @@ fn clear_bodies_leave_their_color_of_what_crosses_a_diameter() {
     ] {
         let scene = scene(&spheres, Lighting::Paths(lit(material, 8)));
         let image = picture(&scene, &camera(DVec3::ZERO, 0.02), 16);
-        let expected =
-            scene.color(0)[0].max(scene.color(scene.structure().len() as u32 - 1)[0]).powf(diameters);
+        let expected = scene.color(0)[0]
+            .max(scene.color(scene.structure().len() as u32 - 1)[0])
+            .powf(diameters / COLOR_DIAMETERS);
         assert!((middle(&image) - expected).abs() < 2e-3, "{} instead of {expected}", middle(&image));
     }
 }
