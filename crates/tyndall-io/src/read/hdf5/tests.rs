@@ -51,7 +51,8 @@ fn a_swift_snapshot_goes_through_its_filters() {
         let kinds = Values::Text { codes: vec![0, 0, 0, 0, 0, 1, 1, 1], names };
         assert_eq!(particles.attribute("type").unwrap().values, kinds);
         assert_eq!(particles.cell().unwrap().vectors[0], DVec3::X * 8.0);
-        assert_eq!((particles.time(), particles.length_unit()), (Some(0.75), Some("cMpc")));
+        assert_eq!((particles.time(), particles.time_unit()), (Some(0.5), Some("a")), "the scale factor");
+        assert_eq!(particles.length_unit(), Some("cMpc"));
         assert!(frame.conventions[0].contains("a = 0.5") && !frame.conventions[0].contains("h ="));
         assert!(frame.conventions.iter().any(|it| it.contains("SmoothingLengths are SWIFT's h")));
         assert!(frame.warnings.is_empty(), "{:?}", frame.warnings);
