@@ -26,6 +26,7 @@ use crate::film::{Image, Surface, Window};
 use crate::progress::Progress;
 use crate::scene::Scene;
 use crate::scene::camera::{Camera, View};
+use crate::scene::light::{Lighting, Paths};
 use cpu::Film;
 pub use interactive::Interactive;
 pub use samples::SampleBuffer;
@@ -114,6 +115,9 @@ impl Settings {
                 refused("certified", "coverage", "without coverage in a panorama")
             }
             _ if scene.bonds().is_some() => refused("panorama", "bonds", "spheres alone"),
+            _ if matches!(scene.lighting, Lighting::Paths(Paths { lens: Some(_), .. })) => {
+                refused("--aperture", "given", "left out of a panorama, which has no lens")
+            }
             _ => Ok(()),
         }
     }

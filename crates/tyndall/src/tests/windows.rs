@@ -5,7 +5,8 @@ use super::visibility::{differing_pixels, scene};
 use crate::film::Window;
 use crate::render::{Culling, Renderer, Settings, certified, confidence};
 use crate::scene::camera::{Camera, Projection};
-use crate::scene::light::Lighting;
+use crate::scene::light::{Lens, Lighting};
+use crate::scene::looks::{Adjustments, Look};
 use crate::structure::{Kind, Packing};
 use glam::{DVec3, Vec3};
 
@@ -127,4 +128,8 @@ fn a_panorama_shows_what_its_rays_meet() {
         images.push(image);
     }
     assert_eq!(differing_pixels(&images[0], &images[1]), 0);
+    // A lens has a line of sight.
+    let lens = Adjustments { lens: Some(Lens { radius: 0.1, focus: 1.0 }), ..Adjustments::default() };
+    let lit = Look::Matte.lighting([Vec3::X, Vec3::NEG_Y, Vec3::Z], &lens);
+    assert!(Renderer::new(&scene(&particles, &radii, Kind::default(), lit), &around, &settings).is_err());
 }
