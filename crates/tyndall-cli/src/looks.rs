@@ -1,19 +1,153 @@
-//! From the command line to a look.
+//! Colors, sizes and light, as the command line has them; from a look's name to a look.
 
-use clap::ValueEnum;
+use clap::{Args, ValueEnum};
+use tyndall::scene::bonding::Bonding;
 use tyndall::scene::camera::Camera;
+use tyndall::scene::coloring::{self, Coloring, Mapping, Norm, Range};
+use tyndall::scene::colormap::Colormap;
 use tyndall::scene::light::Lens;
-use tyndall::scene::looks::{self, Adjustments, Look};
+use tyndall::scene::looks::{self, Adjustments};
 use tyndall::scene::short;
 use tyndall::{Error, Result};
 
-use crate::args::{self, LightLook};
+use crate::args;
 use crate::medium::args::MethodName;
 use crate::report::counted;
-use crate::values::Focus;
+use crate::values::{Focus, length};
+
+/// Colors, sizes, light.
+#[derive(Args)]
+#[command(next_help_heading = "Look")]
+pub(crate) struct Look {
+    /// What is shown as color: an attribute (c_pe), a component (v.x), a magnitude (|v|), an expression (c_pe/mass), element, type, #rrggbb, a color's name, auto
+    #[arg(long, value_name = "SPEC", default_value = "auto")]
+    pub(crate) color: Coloring,
+    /// Color map by matplotlib's name, reversed with _r [default: by the quantity]
+    #[arg(long, value_name = "NAME", value_parser = Colormap::named)]
+    pub(crate) cmap: Option<Colormap>,
+    /// How numbers are spread over the map: linear or log [default: by the quantity]
+    #[arg(long, value_name = "NORM")]
+    pub(crate) norm: Option<Norm>,
+    /// Short for --norm log
+    #[arg(long, conflicts_with = "norm")]
+    pub(crate) log: bool,
+    /// Numbers of the first and last color: LOW:HIGH, full, or auto (1st to 99th percentile)
+    #[arg(long, value_name = "LOW:HIGH", default_value = "auto", allow_hyphen_values = true)]
+    pub(crate) range: Range,
+    /// Color of particles without a value: #rrggbb or a color's name [default: gray]
+    #[arg(long, value_name = "COLOR", value_parser = coloring::color)]
+    pub(crate) missing: Option<[u8; 3]>,
+    /// Color of numbers below the range [default: the first of the map]
+    #[arg(long, value_name = "COLOR", value_parser = coloring::color)]
+    pub(crate) below: Option<[u8; 3]>,
+    /// Color of numbers above the range [default: the last of the map]
+    #[arg(long, value_name = "COLOR", value_parser = coloring::color)]
+    pub(crate) above: Option<[u8; 3]>,
+    /// One radius for all particles [default: the file's, else by element, else half the usual distance]
+    #[arg(long, value_name = "R", value_parser = length, allow_hyphen_values = true)]
+    pub(crate) radius: Option<f32>,
+    /// Shows periodic images too: so many along each edge of the cell, from the file's own on; NX,NY,NZ or one number for all. They take
+    /// no memory, and show what is chosen alike
+    #[arg(long, value_name = "NX,NY,NZ", value_parser = crate::values::images)]
+    pub(crate) replicate: Option<[u32; 3]>,
+    /// Draws bonds, each half in the color of its particle: those of the file, else or besides by the elements (auto), or file, elements, or up to this
+    /// distance. Spheres keep their radius: --radius-scale 0.25 shows balls and sticks
+    #[arg(long, value_name = "WHICH", num_args = 0..=1, default_missing_value = "auto")]
+    pub(crate) bonds: Option<Bonding>,
+    /// Radius of a bond [default: a tenth of their usual length]
+    #[arg(long, value_name = "R", value_parser = length, allow_hyphen_values = true, requires = "bonds")]
+    pub(crate) bond_radius: Option<f32>,
+    /// What every radius is multiplied with
+    #[arg(long, value_name = "S", default_value = "1", value_parser = length, allow_hyphen_values = true)]
+    pub(crate) radius_scale: f32,
+    /// Light and material of spheres: from matte to dust light also goes from particle to particle (path tracing, on the CPU). Or defaults of a medium:
+    /// with --mode medium dust, and smoke, cloud, steam, fire, explosion, nebula, spray and foam, which imply that mode
+    #[arg(long, value_name = "LOOK", default_value = "default")]
+    pub(crate) look: LightLook,
+    /// With a look that is traced: how often light is thrown on by surfaces [default: 4]; with the default look traces it as matte
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(0..=1000))]
+    pub(crate) bounces: Option<u32>,
+    /// Roughness of its material: 0 to 1, of coats and metal 0.02 to 1 [default: by the look]
+    #[arg(long, value_name = "R", allow_hyphen_values = true)]
+    pub(crate) roughness: Option<f32>,
+    /// Refractive index of glossy, glass and water: above 1 [default: by the look]
+    #[arg(long, value_name = "N", allow_hyphen_values = true)]
+    pub(crate) refraction: Option<f32>,
+    /// Radius of the camera's lens, in the unit of the file: what is not in focus is blurred
+    #[arg(long, value_name = "LENGTH", value_parser = length, allow_hyphen_values = true)]
+    pub(crate) aperture: Option<f32>,
+    /// Distance from the eye that is in focus, or the point X,Y,Z [default: what the camera looks at]
+    #[arg(long, value_name = "LENGTH", requires = "aperture", allow_hyphen_values = true)]
+    pub(crate) focus: Option<Focus>,
+}
+
+impl Look {
+    /// How numbers become colors.
+    pub(crate) fn mapping(&self) -> Mapping {
+        Mapping {
+            map: self.cmap.clone(),
+            norm: if self.log { Some(Norm::Log) } else { self.norm },
+            range: self.range,
+            missing: self.missing.unwrap_or(Mapping::default().missing),
+            below: self.below,
+            above: self.above,
+        }
+    }
+
+    /// How many images along each edge, if there are several.
+    pub(crate) fn images(&self) -> Option<[u32; 3]> {
+        self.replicate.filter(|images| *images != [1; 3])
+    }
+}
+
+/// Names of [`tyndall::scene::looks::Look`].
+#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum LightLook {
+    /// A key light with soft shadows, and a sky with ambient occlusion
+    Default,
+    /// A light at the eye, without shadows
+    Headlight,
+    /// The pure colors
+    Flat,
+    /// Even surfaces that light each other
+    Matte,
+    /// Matte under a clear coat
+    Glossy,
+    /// Brushed mirrors in the particles' colors
+    Metal,
+    /// Clear bodies; the particles' colors are what light has after four diameters
+    Glass,
+    /// The same with less refraction
+    Water,
+    /// Rough ground
+    Clay,
+    /// Even surfaces in much sky and little sun, for print
+    Paper,
+    /// Rough ground in a hard sun
+    Sand,
+    /// Rough ground under an overcast sky; of a medium brown
+    Dust,
+    /// Gray, half of it thick
+    Smoke,
+    /// Thick and white
+    Cloud,
+    /// Thin and white
+    Steam,
+    /// Glows by its temperature
+    Fire,
+    /// Glows by its temperature in thick smoke
+    Explosion,
+    /// Thin and red, glowing
+    Nebula,
+    /// Thin drops of water
+    Spray,
+    /// Thick bubbles
+    Foam,
+}
 
 /// The look of spheres that is named; none if it is one of media alone.
-pub(crate) fn look(name: LightLook) -> Option<Look> {
+pub(crate) fn look(name: LightLook) -> Option<looks::Look> {
+    use looks::Look;
     Some(match name {
         LightLook::Default => Look::Default,
         LightLook::Headlight => Look::Headlight,
@@ -49,7 +183,7 @@ pub(crate) fn adjustments(args: &args::Render, camera: &Camera) -> Adjustments {
         };
         Lens { radius, focus: (point - camera.eye).dot(forward) as f32 }
     });
-    let args::Look { bounces, roughness, refraction, .. } = args.look;
+    let Look { bounces, roughness, refraction, .. } = args.look;
     let traced = args.medium.method == MethodName::Reference;
     Adjustments { traced, bounces, roughness, index: refraction, lens }
 }

@@ -23,7 +23,8 @@ use tyndall_io::annotation::Behind;
 use tyndall_io::write::map::{self, is_map};
 use tyndall_io::write::{self, ImageOptions};
 
-use crate::args::{LightLook, Render};
+use crate::args::Render;
+use crate::looks::LightLook;
 use crate::medium::emission::find;
 use crate::names::Numbers;
 use crate::output::{Output, Pattern};

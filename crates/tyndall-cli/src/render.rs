@@ -30,9 +30,10 @@ use tyndall_io::{Parts, Saved, Sequence};
 
 use crate::ahead::Ahead;
 use crate::annotate::Shown as Annotated;
-use crate::args::{self, Builder, LightLook, Mode, Selection};
+use crate::args::{self, Builder, Mode, Selection};
 use crate::device::{self, Goal, Held, Renders};
 use crate::layers::{self, Layer};
+use crate::looks::LightLook;
 use crate::names::Numbers;
 use crate::output::{Output, Pattern};
 use crate::plan::{self, Picture};

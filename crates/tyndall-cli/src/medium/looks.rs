@@ -5,7 +5,7 @@
 
 use super::emission::EmissionSpec;
 use super::values::NoiseAmount;
-use crate::args::LightLook;
+use crate::looks::LightLook;
 
 /// What a look says.
 pub(crate) struct MediumLook {
