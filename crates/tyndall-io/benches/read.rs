@@ -82,7 +82,12 @@ fn lammps(bencher: Bencher) {
 /// What a picture in one color looks at.
 #[divan::bench(sample_count = 5, sample_size = 1)]
 fn lammps_positions(bencher: Bencher) {
-    let wanted = Wanted { coloring: "#fff".parse().unwrap(), filters: Vec::new(), radii: false };
+    let wanted = Wanted {
+        coloring: "#fff".parse().unwrap(),
+        filters: Vec::new(),
+        quantities: Vec::new(),
+        radii: false,
+    };
     read_with(bencher, &dump(), &Options { wanted: Some(wanted), ..Options::default() });
 }
 

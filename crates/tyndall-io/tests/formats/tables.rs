@@ -170,8 +170,12 @@ fn a_table_without_positions_lists_its_columns() {
 
 #[test]
 fn only_the_wanted_columns_are_read() {
-    let wanted =
-        |coloring: &str| Wanted { coloring: coloring.parse().unwrap(), filters: vec![], radii: false };
+    let wanted = |coloring: &str| Wanted {
+        coloring: coloring.parse().unwrap(),
+        filters: vec![],
+        quantities: vec![],
+        radii: false,
+    };
     for name in SAMPLES {
         let options = Options { wanted: Some(wanted("half")), ..Options::default() };
         let sequence = Sequence::open(&[fixture("samples").join(name)], &options, &()).unwrap();

@@ -20,6 +20,9 @@ mod samples;
 mod sampling;
 mod shade;
 pub mod stereo;
+mod translucent;
+
+use std::slice;
 
 use crate::error::{Error, Result};
 use crate::film::{Image, Surface, Window};
@@ -31,6 +34,7 @@ use cpu::Film;
 pub use interactive::Interactive;
 pub use samples::SampleBuffer;
 use sampling::{Nearness, PATTERN, Samples};
+use translucent::Drawn;
 
 /// The knobs of a picture.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -101,7 +105,10 @@ impl Settings {
                 Err(Error::setting("certified", "coverage", "without coverage with periodic images"))
             }
             Culling::Off | Culling::Certified(_) => Ok(()),
-            Culling::Confidence(options) => options.check(),
+            Culling::Confidence(options) => {
+                scene.check_opaque("with --culling confidence")?;
+                options.check()
+            }
         }
     }
 
@@ -180,7 +187,7 @@ impl<'a> Renderer<'a> {
     /// the picture then have them, and the next pass goes on with the others.
     pub fn pass(&mut self, progress: &dyn Progress) -> Result<()> {
         let pass = self.next_pass(self.samples_done);
-        self.add(pass.as_slice(), progress)
+        self.add(pass.into_iter().collect(), progress)
     }
 
     /// Adds all samples that are missing, tile by tile. Fails only when interrupted, as [`Renderer::pass`] does.
@@ -194,13 +201,14 @@ impl<'a> Renderer<'a> {
             done = pass.end();
             passes.push(pass);
         }
-        self.add(&passes, progress)
+        self.add(passes, progress)
     }
 
     /// The samples of every pixel that come after the first `done`, if any are missing.
     fn next_pass(&mut self, done: u32) -> Option<cpu::Pass<'a>> {
         let Settings { samples, seed, culling, .. } = self.settings;
         let at_once = match culling {
+            _ if self.scene.is_translucent() => 1,
             Culling::Off | Culling::Certified(_) => u32::MAX,
             Culling::Confidence(options) => options.frame_samples,
         };
@@ -210,7 +218,31 @@ impl<'a> Renderer<'a> {
         Some(self.film.pass(self.scene, self.view, added, culling.certified()))
     }
 
-    fn add(&mut self, passes: &[cpu::Pass], progress: &dyn Progress) -> Result<()> {
+    fn add(&mut self, passes: Vec<cpu::Pass>, progress: &dyn Progress) -> Result<()> {
+        let done = passes.last().map(cpu::Pass::end);
+        if self.scene.is_translucent() {
+            for pass in passes {
+                let Drawn { seen, secondary } = Drawn::new(self.scene, self.settings.seed, pass.end() - 1);
+                let pass = pass.through(&seen, secondary.as_ref().unwrap_or(&seen));
+                cpu::for_each_tile(&mut self.film, slice::from_ref(&pass), None, self.level, progress);
+                self.counts += pass.counts();
+                if progress.cancelled() {
+                    break;
+                }
+            }
+        } else {
+            self.add_opaque(&passes, progress);
+        }
+        if let Some(done) = done {
+            if !self.film.has(done) {
+                return Err(Error::Interrupted);
+            }
+            self.samples_done = done;
+        }
+        if progress.cancelled() { Err(Error::Interrupted) } else { Ok(()) }
+    }
+
+    fn add_opaque(&mut self, passes: &[cpu::Pass], progress: &dyn Progress) {
         match &mut self.culling {
             None => cpu::for_each_tile(&mut self.film, passes, None, self.level, progress),
             // Each pass begins with what all pixels learned in the one before.
@@ -221,13 +253,6 @@ impl<'a> Renderer<'a> {
         for pass in passes {
             self.counts += pass.counts();
         }
-        if let Some(done) = passes.last().map(cpu::Pass::end) {
-            if !self.film.has(done) {
-                return Err(Error::Interrupted);
-            }
-            self.samples_done = done;
-        }
-        if progress.cancelled() { Err(Error::Interrupted) } else { Ok(()) }
     }
 
     /// What certified culling saved, and what it could not, since this was made.

@@ -42,7 +42,7 @@ impl Renderer<'_> {
             let until = (2 * self.samples_done).max(FIRST);
             while self.samples_done < until && !is_over {
                 let Some(pass) = self.next_pass(self.samples_done) else { break };
-                self.add(std::slice::from_ref(&pass), progress)?;
+                self.add(vec![pass], progress)?;
                 is_over = is_late();
             }
             is_over |= self.film.settle(noise);

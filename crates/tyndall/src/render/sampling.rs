@@ -93,6 +93,13 @@ pub(crate) fn shuffled_point(seed: u32, dimension: Dimension, stream: u32, index
     point(seed, dimension, stream, owen(index, shuffle))
 }
 
+/// A number in [0, 1) for `index`, of a decision of its own for each `stream`. Any aligned run of 2^k indices has a number in every
+/// 2^k-th part of the interval, in an order that streams do not share.
+pub(crate) fn shuffled_number(seed: u32, stream: u32, index: u32) -> f32 {
+    let scramble = mix(seed ^ mix(stream));
+    unit(owen(owen(index, mix(!scramble)).reverse_bits(), scramble))
+}
+
 /// The second dimension of the Sobol sequence as a 32-bit fraction; the first is the reversed index.
 fn second_sobol(mut index: u32) -> u32 {
     let (mut fraction, mut column) = (0, 1 << 31);

@@ -15,6 +15,7 @@ use super::quantity::{Quantity, unknown};
 use super::rgb::Rgb;
 use super::statistics::short;
 use crate::error::{Error, Result};
+use crate::frozen::Frozen;
 use crate::particles::{Attribute, Particles};
 use crate::structure::by_node;
 
@@ -84,11 +85,11 @@ enum Store {
     /// Linear colors, and the place in them of every particle.
     Palette {
         colors: Vec<[f32; 3]>,
-        places: Vec<u8>,
+        places: Frozen<u8>,
     },
     /// sRGB bytes of every particle, and the linear value of each byte.
     Direct {
-        bytes: Vec<[u8; 3]>,
+        bytes: Frozen<[u8; 3]>,
         linear_of_byte: Box<[f32; 256]>,
     },
 }
@@ -136,9 +137,11 @@ impl ParticleColors {
     pub(super) fn arranged(self, ids: &[u32]) -> Self {
         let store = match self.store {
             Store::Constant(color) => Store::Constant(color),
-            Store::Palette { colors, places } => Store::Palette { colors, places: by_node(&places, ids, 0) },
+            Store::Palette { colors, places } => {
+                Store::Palette { colors, places: by_node(&places, ids, 0).into() }
+            }
             Store::Direct { bytes, linear_of_byte } => {
-                Store::Direct { bytes: by_node(&bytes, ids, MISSING), linear_of_byte }
+                Store::Direct { bytes: by_node(&bytes, ids, MISSING).into(), linear_of_byte }
             }
         };
         Self { store, ..self }
@@ -156,13 +159,13 @@ impl ParticleColors {
 
     pub(crate) fn palette(colors: Vec<[u8; 3]>, places: Vec<u8>, description: String) -> Self {
         let colors = colors.into_iter().map(linear).collect();
-        Self { store: Store::Palette { colors, places }, description, legend: None }
+        Self { store: Store::Palette { colors, places: places.into() }, description, legend: None }
     }
 
     fn direct(rgb: &Rgb, count: usize) -> Self {
         let (bytes, description) = rgb.bytes(count);
         let linear_of_byte = Box::new(std::array::from_fn(|byte| linear([byte as u8; 3])[0]));
-        Self { store: Store::Direct { bytes, linear_of_byte }, description, legend: None }
+        Self { store: Store::Direct { bytes: bytes.into(), linear_of_byte }, description, legend: None }
     }
 }
 

@@ -17,6 +17,7 @@ pub mod light;
 pub mod looks;
 pub mod material;
 mod meaning;
+pub mod opacity;
 pub mod outline;
 pub mod quantity;
 mod rgb;
@@ -52,6 +53,8 @@ pub struct Scene {
     /// By node.
     colors: ParticleColors,
     bonds: Option<Bonds>,
+    /// By node the probability that a particle is there, where not all are opaque.
+    opacity: Option<Vec<f32>>,
     /// Quantities that filters may ask for.
     selectables: Vec<Selectable<Column>>,
 }
@@ -65,7 +68,7 @@ impl Scene {
         background: Option<[f32; 3]>,
     ) -> Self {
         let colors = colors.arranged(structure.ids());
-        Self { lighting, background, structure, colors, bonds: None, selectables: Vec::new() }
+        Self { lighting, background, structure, colors, bonds: None, opacity: None, selectables: Vec::new() }
     }
 
     /// The particles.

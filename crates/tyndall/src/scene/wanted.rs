@@ -20,6 +20,8 @@ pub struct Wanted {
     pub coloring: Coloring,
     /// Which particles are shown.
     pub filters: Vec<Filter>,
+    /// Other quantities that are looked at.
+    pub quantities: Vec<String>,
     /// Whether radii are those of the elements where the file has none.
     pub radii: bool,
 }
@@ -69,8 +71,9 @@ impl Wanted {
                 }
             }
         }
-        for filter in &self.filters {
-            found &= flag_text(&mut flags, offered, &empty, filter.quantity());
+        let quantities = self.quantities.iter().map(String::as_str);
+        for text in self.filters.iter().map(Filter::quantity).chain(quantities) {
+            found &= flag_text(&mut flags, offered, &empty, text);
         }
         if found { flags } else { vec![true; offered.len()] }
     }
@@ -129,6 +132,7 @@ mod tests {
         let wanted = Wanted {
             coloring: coloring.parse().unwrap(),
             filters: filters.iter().map(|it| it.parse().unwrap()).collect(),
+            quantities: Vec::new(),
             radii: true,
         };
         let flags = wanted.flags(&offered);

@@ -87,6 +87,7 @@ pub(crate) fn enter_cylinder(ray: &Ray, cylinder: &Cylinder) -> Option<(f32, boo
 pub(crate) const LEAST_SPEED: f32 = 1e-12;
 
 /// See the module.
+#[derive(Clone)]
 pub struct Bonds {
     cylinders: Vec<Cylinder>,
     /// By cylinder the nodes of the particles of its halves.
@@ -134,6 +135,13 @@ impl Bonds {
         self.bvh =
             hierarchy(&self.cylinders, |bond| self.ends[bond].iter().all(|&node| structure.shows(node)))?;
         Ok(())
+    }
+
+    /// Those of the shown ones that `keeps` keeps, by the nodes of their particles.
+    pub(crate) fn thinned(&self, keeps: impl Fn([u32; 2]) -> bool + Sync) -> Self {
+        let mut thinned = self.clone();
+        thinned.bvh.thin(|place| keeps(self.ends[self.at(place) as usize]));
+        thinned
     }
 
     /// How many there are.
@@ -201,8 +209,10 @@ impl Bonds {
     /// What a ray enters first, and the node, counted from 0: every bond that is shown is tried.
     pub(crate) fn intersect(&self, ray: &Ray) -> Option<(f32, u32)> {
         let mut best: Option<(f32, u32)> = None;
-        for &bond in self.bvh.ids() {
-            if let Some((t, is_second)) = enter_cylinder(ray, self.cylinder(bond)) {
+        for (place, &bond) in (0..).zip(self.bvh.ids()) {
+            if self.bvh.shows(place)
+                && let Some((t, is_second)) = enter_cylinder(ray, self.cylinder(bond))
+            {
                 let found = (t, 2 * bond + u32::from(is_second));
                 if best.is_none_or(|best| t < best.0 || t == best.0 && found.1 < best.1) {
                     best = Some(found);

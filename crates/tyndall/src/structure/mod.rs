@@ -29,7 +29,7 @@ use replicas::{Nearest, Replica, ReplicaTree, Replicas};
 use search::{Every, Observer, Search};
 #[cfg(feature = "gpu")]
 use selection::Bits;
-use selection::{Rule, Test, all_bits, shows};
+use selection::{Rule, Test, all_bits, shows, thinned};
 
 pub use bvh::{Bvh, Packing, PackingError};
 pub use pkd::Pkd;
@@ -131,6 +131,7 @@ impl Default for Kind {
 }
 
 /// Particles arranged to be found by rays.
+#[derive(Clone)]
 pub struct Structure {
     pub(crate) store: Store,
     origin: DVec3,
@@ -140,6 +141,7 @@ pub struct Structure {
 }
 
 /// The structures. `Brute` is the oracle for tests.
+#[derive(Clone)]
 pub(crate) enum Store {
     Bvh(Bvh),
     Pkd(Pkd),
@@ -222,6 +224,13 @@ impl Structure {
     pub fn show(&mut self, rules: &[Rule]) -> u64 {
         let tests: Vec<Test> = rules.iter().map(|rule| Test::new(rule, self.origin)).collect();
         each_store!(&mut self.store, store => store.show(&tests))
+    }
+
+    /// The same structure, in the same memory, that shows of what this one shows only those nodes that `keeps` keeps. Images show the same.
+    pub(crate) fn thinned(&self, keeps: impl Fn(u32) -> bool + Sync) -> Self {
+        let mut thinned = self.clone();
+        each_store!(&mut thinned.store, store => store.thin(keeps));
+        thinned
     }
 
     /// From now on all radii are `scale` times those it was built with; `scale` is finite and not negative.
@@ -423,6 +432,7 @@ fn arrange<const N: usize>(
 }
 
 /// Tries every particle.
+#[derive(Clone)]
 pub struct Brute {
     /// Centers, and radii as they were built; `radius_scale` times that is what is seen.
     spheres: Vec<(Vec3, f32)>,
@@ -488,6 +498,10 @@ impl Brute {
         let count = bits.iter().map(|bits| u64::from(bits.count_ones())).sum();
         self.shown = Some(bits);
         count
+    }
+
+    fn thin(&mut self, keeps: impl Fn(u32) -> bool + Sync) {
+        self.shown = Some(thinned(self.ids.len(), self.shown.as_deref(), keeps));
     }
 
     fn shows(&self, node: u32) -> bool {

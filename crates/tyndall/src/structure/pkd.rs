@@ -19,6 +19,7 @@ use crate::progress::Progress;
 pub use heap::{Axis, Options, Order};
 
 /// See the module.
+#[derive(Clone)]
 pub struct Pkd {
     columns: Columns,
     heap: Heap,
@@ -100,6 +101,11 @@ impl Pkd {
     /// See [`super::Structure::show`].
     pub(super) fn show(&mut self, tests: &[Test]) -> u64 {
         self.columns.show(tests, std::slice::from_ref(&self.heap))
+    }
+
+    /// See [`super::Structure::thinned`].
+    pub(super) fn thin(&mut self, keeps: impl Fn(u32) -> bool + Sync) {
+        self.columns.thin(keeps, std::slice::from_ref(&self.heap));
     }
 
     /// See [`super::Structure::shows`].

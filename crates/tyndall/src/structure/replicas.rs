@@ -90,17 +90,20 @@ pub(crate) struct Replica {
 }
 
 /// A block of images: what their shifts span, and the image or the two halves that it is made of. The first half follows the block.
+#[derive(Clone)]
 struct Block {
     span: Bounds,
     content: Content,
 }
 
+#[derive(Clone)]
 enum Content {
     One(Replica),
     Two { second: u32 },
 }
 
 /// The images of a structure, in blocks that are halved until they are single images.
+#[derive(Clone)]
 pub(crate) struct ReplicaTree {
     blocks: Vec<Block>,
     /// By image.

@@ -280,6 +280,17 @@ pub(super) fn all_bits(count: usize, tests: &[Test], center: impl Fn(usize) -> V
     runs.map(|run| bits(run * RUN, count, tests.iter(), &center)).collect()
 }
 
+/// Of `shown`, or of all `count` nodes, the bits of those that `keeps` keeps.
+pub(super) fn thinned(count: usize, shown: Option<&[u16]>, keeps: impl Fn(u32) -> bool + Sync) -> Vec<u16> {
+    let runs = (0..count.div_ceil(RUN)).into_par_iter().with_min_len(1 << 8);
+    runs.map(|run| {
+        let first = run * RUN;
+        let kept = |node: usize| shown.is_none_or(|shown| shows(shown, node)) && keeps(node as u32);
+        (first..(first + RUN).min(count)).fold(0, |bits, node| bits | u16::from(kept(node)) << (node - first))
+    })
+    .collect()
+}
+
 /// Whether the bit of `node` is set.
 #[inline(always)]
 pub(super) fn shows(bits: &[u16], node: usize) -> bool {

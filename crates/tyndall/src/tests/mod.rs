@@ -4,6 +4,7 @@ mod bonds;
 mod certified;
 mod culling;
 mod interactive;
+mod opacity;
 mod oracle;
 mod refine;
 mod relight;

@@ -87,8 +87,8 @@ pub(super) fn gather<S: Simd>(
     counts: &mut Counts,
 ) {
     find_facing(simd, layer, toward, scratch);
-    let structure = pass.scene.structure();
-    let replicated = Replicated::of(pass.scene);
+    let structure = pass.secondary.structure();
+    let replicated = Replicated::of(pass.secondary);
     if let Store::Bvh(bvh) = &structure.store {
         if pass.certified.light_bounds {
             counts.light_points +=
@@ -101,7 +101,7 @@ pub(super) fn gather<S: Simd>(
     } else {
         ask_single_rays(structure, toward, layer, &mut scratch.lanes);
     }
-    match (replicated, pass.scene.bonds()) {
+    match (replicated, pass.secondary.bonds()) {
         (Some(replicated), _) => shadow_of_images(simd, replicated, pass, toward, layer, scratch, counts),
         (None, Some(bonds)) => {
             let surfaces = Surfaces { position: &layer.position, on: &layer.node };

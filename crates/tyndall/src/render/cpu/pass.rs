@@ -21,6 +21,8 @@ use crate::simd::Lanes3;
 /// See the module.
 pub(crate) struct Pass<'a> {
     pub(super) scene: &'a Scene,
+    /// What rays meet that go on from what was seen.
+    pub(super) secondary: &'a Scene,
     pub(super) view: View,
     pub(super) samples: usize,
     /// Whether samples lie in the middle of their pixel.
@@ -97,6 +99,7 @@ impl<'a> Pass<'a> {
             seed: added.seed,
             first: added.first,
             scene,
+            secondary: scene,
             view,
             samples,
             centered: added.centered,
@@ -111,6 +114,14 @@ impl<'a> Pass<'a> {
             lights,
             counts: Mutex::default(),
         }
+    }
+
+    /// The same pass over `scene`, whose rays go on in `secondary`. Both have the nodes of the scene that it was over.
+    pub(crate) fn through<'b>(self, scene: &'b Scene, secondary: &'b Scene) -> Pass<'b>
+    where
+        'a: 'b,
+    {
+        Pass { scene, secondary, ..self }
     }
 
     /// Adds what was counted in a film tile.

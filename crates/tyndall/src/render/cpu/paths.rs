@@ -15,7 +15,7 @@ use crate::scene::light::Paths;
 /// the samples.
 #[simd]
 pub(super) fn light<S: Simd>(simd: S, pass: &Pass, paths: &Paths, film_tile: &mut FilmTile, hits: &Hits) {
-    let tracer = Tracer::new(pass.scene, paths);
+    let tracer = Tracer::new(pass.secondary, paths);
     let corner = [film_tile.x as usize, film_tile.y as usize];
     for sample in 0..pass.samples {
         for packet in 0..PACKETS {

@@ -243,6 +243,7 @@ impl Block for Words {
 }
 
 /// The blocks of a tree, all of one packing.
+#[derive(Clone)]
 pub(crate) enum Blocks {
     Exact(Frozen<Exact>),
     Bits16(Frozen<Columns16>),

@@ -124,7 +124,8 @@ pub(crate) fn push_sorted<E: Copy>(stack: &mut Vec<E>, first: usize, entry: E, d
 /// More levels than 2^32 particles need.
 const LEVELS: usize = 12;
 
-/// See the module.
+/// See the module. Clones share all but what is shown.
+#[derive(Clone)]
 pub struct Bvh {
     /// All nodes, level by level from those over the leaves to the root.
     nodes: Frozen<Node>,

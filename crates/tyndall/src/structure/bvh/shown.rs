@@ -9,10 +9,10 @@ use super::{Bvh, LEAF, Node, Place, WIDTH, power_of_two};
 use crate::math::Bounds;
 #[cfg(feature = "gpu")]
 use crate::structure::selection::Bits;
-use crate::structure::selection::{Test, Verdict, bits};
+use crate::structure::selection::{Test, Verdict, bits, thinned};
 
 /// See the module. Empty where all are shown.
-#[derive(Default)]
+#[derive(Clone, Default)]
 pub(super) struct Shown {
     /// By leaf: a bit for every particle.
     leaves: Vec<u16>,
@@ -77,9 +77,19 @@ impl Bvh {
             self.decide(Place { index: index as u32, level }, &tests, leaves);
         });
         let count = leaves.par_iter().map(|bits| u64::from(bits.count_ones())).sum();
+        self.set_shown(leaves);
+        count
+    }
+
+    /// Hides those of the shown particles that `keeps` does not keep, by node.
+    pub(in crate::structure) fn thin(&mut self, keeps: impl Fn(u32) -> bool + Sync) {
+        let shown = Some(&self.shown.leaves[..]).filter(|leaves| !leaves.is_empty());
+        self.set_shown(thinned(self.ids.len(), shown, keeps));
+    }
+
+    fn set_shown(&mut self, leaves: Vec<u16>) {
         let children = self.children_of(&leaves);
         self.shown = Shown { leaves, children };
-        count
     }
 
     /// Decides the particles below a node.

@@ -61,6 +61,7 @@ fn exp2_series(x: f32) -> f32 {
 }
 
 /// See the module.
+#[derive(Clone)]
 pub(crate) enum Sizes {
     /// All alike.
     Uniform(f32),

@@ -104,6 +104,7 @@ impl Heap {
 }
 
 /// The particles of all heaps, column by column.
+#[derive(Clone)]
 pub(super) struct Columns {
     /// A few more than there are particles, NaN, so that lanes may be loaded behind the last one.
     center: [Frozen<f32>; 3],

@@ -5,9 +5,10 @@ use rayon::prelude::*;
 use super::{Columns, Heap};
 #[cfg(feature = "gpu")]
 use crate::structure::selection::Bits;
-use crate::structure::selection::{RUN, Test, all_bits, shows};
+use crate::structure::selection::{RUN, Test, all_bits, shows, thinned};
 
 /// A bit a node, sixteen a word: whether it is shown itself, and whether anything of its subtree is.
+#[derive(Clone)]
 pub(super) struct Shown {
     own: Vec<u16>,
     any: Vec<u16>,
@@ -22,6 +23,19 @@ impl Columns {
             return count as u64;
         }
         let own = all_bits(count, tests, |node| self.sphere(node as u32).0);
+        let shown = own.par_iter().map(|bits| u64::from(bits.count_ones())).sum();
+        self.set_shown(own, heaps);
+        shown
+    }
+
+    /// Hides those of the shown particles that `keeps` does not keep, by node. `heaps` are all, in order.
+    pub(in crate::structure) fn thin(&mut self, keeps: impl Fn(u32) -> bool + Sync, heaps: &[Heap]) {
+        let shown = self.shown.as_ref().map(|shown| &shown.own[..]);
+        self.set_shown(thinned(self.ids.len(), shown, keeps), heaps);
+    }
+
+    fn set_shown(&mut self, own: Vec<u16>, heaps: &[Heap]) {
+        let count = self.ids.len();
         let mut any = own.clone();
         for (place, heap) in heaps.iter().enumerate() {
             let first = heap.first as usize;
@@ -31,9 +45,7 @@ impl Columns {
                 any[parent / RUN] |= u16::from(shows(&any, first + node)) << (parent % RUN);
             }
         }
-        let shown = own.par_iter().map(|bits| u64::from(bits.count_ones())).sum();
         self.shown = Some(Shown { own, any });
-        shown
     }
 
     /// Whether the particle at `node` is shown.

@@ -82,6 +82,7 @@ impl Children {
 }
 
 /// See the module.
+#[derive(Clone)]
 pub struct Treelets {
     columns: Columns,
     /// One a treelet, in the order of their particles.
@@ -149,6 +150,11 @@ impl Treelets {
     /// See [`super::Structure::show`].
     pub(super) fn show(&mut self, tests: &[Test]) -> u64 {
         self.columns.show(tests, &self.heaps)
+    }
+
+    /// See [`super::Structure::thinned`].
+    pub(super) fn thin(&mut self, keeps: impl Fn(u32) -> bool + Sync) {
+        self.columns.thin(keeps, &self.heaps);
     }
 
     /// See [`super::Structure::shows`].
