@@ -43,6 +43,10 @@ pub(crate) struct Look {
     /// Color of numbers above the range [default: the last of the map]
     #[arg(long, value_name = "COLOR", value_parser = coloring::color)]
     pub(crate) above: Option<[u8; 3]>,
+    /// How opaque particles are, 0 to 1: a number, an attribute, or an expression such as "if(type == 1, 1, 0.2)". In the order along
+    /// each ray, shadows too; bonds have the lesser of their particles. On the CPU, and of 256 samples
+    #[arg(long, value_name = "NUMBER", allow_hyphen_values = true)]
+    pub(crate) opacity: Option<String>,
     /// One radius for all particles [default: the file's, else by element, else half the usual distance]
     #[arg(long, value_name = "R", value_parser = length, allow_hyphen_values = true)]
     pub(crate) radius: Option<f32>,

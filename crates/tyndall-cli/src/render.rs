@@ -17,6 +17,7 @@ use tyndall::scene::color::{Key, Legend, ParticleColors, resolve};
 use tyndall::scene::coloring::{Mapping, Norm, Range};
 use tyndall::scene::guesses::{Guesses, Shown};
 use tyndall::scene::light::Lighting;
+use tyndall::scene::opacity::opacities;
 use tyndall::scene::outline::Outline;
 use tyndall::scene::viewpoint::{Lens, Motion, Viewpoint, too_small, why_unseen};
 use tyndall::scene::wanted::Wanted;
@@ -66,6 +67,7 @@ pub(crate) fn run(args: &args::Render, report: &Report) -> Outcome<()> {
     let wanted = Wanted {
         coloring: args.look.color.clone(),
         filters: args.selection.all_filters(),
+        quantities: args.look.opacity.iter().cloned().collect(),
         radii: args.look.radius.is_none() || args.look.bonds.is_some(),
     };
     let sequence = input::open(&args.input, Some(wanted), report)?;
@@ -84,6 +86,9 @@ pub(crate) fn run(args: &args::Render, report: &Report) -> Outcome<()> {
 
 /// The most samples of a pixel where noise or time decides, if nothing is said.
 const MOST_SAMPLES: u32 = 4096;
+
+/// Samples of a pixel where particles are seen through, if nothing is said.
+const TRANSLUCENT_SAMPLES: u32 = 256;
 
 /// Whether particles are read as a whole or can be read in parts.
 #[derive(Clone, Copy)]
@@ -140,7 +145,11 @@ impl<'a> Job<'a> {
             let text = "position noise is for --mode medium; of spheres --noise 1% is how much may be left";
             return Err(Failure::Usage(text.into()));
         }
-        let most = if goal.is_given() { MOST_SAMPLES } else { Settings::default().samples };
+        let most = match args.look.opacity {
+            _ if goal.is_given() => MOST_SAMPLES,
+            Some(_) => TRANSLUCENT_SAMPLES,
+            None => Settings::default().samples,
+        };
         let samples = samples.unwrap_or(most);
         if let Some(window) = args.picture.crop {
             window.check(width, height)?;
@@ -165,7 +174,8 @@ impl<'a> Job<'a> {
         if args.camera.panorama && bonds.is_some() {
             return Err(Failure::Usage("--panorama draws no bonds — leave out one of them".into()));
         }
-        let beyond = images.map(|_| "--replicate").or(bonds);
+        let opacity = args.look.opacity.as_ref().map(|_| "--opacity");
+        let beyond = images.map(|_| "--replicate").or(bonds).or(opacity);
         looks::check(args)?;
         if let (Some(wanted), Culling::Confidence(_)) = (beyond, culling) {
             let allowed = format!("off or certified with {wanted}");
@@ -327,6 +337,10 @@ impl<'a> Job<'a> {
             let allowed = "given: the particles do not fit the memory with what each has of its own — --clip is possible";
             return Err(Error::setting("--filter and --select", filter, allowed).into());
         }
+        if let Some(opacity) = &self.args.look.opacity {
+            let allowed = "given: the particles do not fit the memory with what each has of its own";
+            return Err(Error::setting("--opacity", opacity, allowed).into());
+        }
         let radius = radius * self.args.look.radius_scale;
         let (structure, dropped) =
             Structure::stream(parts, parts.origin(), radius, packing, self.report.progress())?;
@@ -381,6 +395,7 @@ impl<'a> Job<'a> {
         let look = &self.args.look;
         let bonded =
             look.bonds.map(|which| bonding::find(&particles, which, look.bond_radius)).transpose()?;
+        let opacities = look.opacity.as_deref().map(|text| opacities(&particles, text)).transpose()?;
         let selection = Found::of(&self.args.selection, &particles)?;
         let numbers = match (self.layers.contains(&Layer::Value), &parts) {
             (true, None) => Some(layers::Numbers::of(&particles, &look.color)?),
@@ -458,6 +473,7 @@ impl<'a> Job<'a> {
         if let Some(bonded) = bonded.filter(|bonded| !bonded.segments.is_empty()) {
             scene.bond(&bonded.segments, bonded.radius)?;
         }
+        scene.set_opacity(opacities.as_deref())?;
         if let Some(text) = selection.hide_others(&mut scene)? {
             self.tell(is_first, &text);
             guesses.push(text);

@@ -1,6 +1,6 @@
 //! Looks that are traced by paths, lenses, and samples by noise and time.
 
-use super::{Folder, line_of, png};
+use super::{Folder, dump, line_of, png};
 
 #[test]
 fn every_look_is_a_picture_of_its_own() {
@@ -95,5 +95,32 @@ fn what_a_look_has_not_is_refused() {
         ("--mode medium --time 1s", ["--time", "for spheres"]),
     ] {
         folder.render(&format!("a.xyz -o a.png {words}")).fails(2, &parts);
+    }
+}
+
+#[test]
+fn opacity_is_a_number_an_attribute_or_an_expression() {
+    let folder = Folder::new();
+    folder.file("a.dump", dump("id type x y z share", 4.0, &["1 1 0 0 0 0.25", "2 2 3 0 0 1"]));
+    let render = |rest: &str| {
+        let view = "--radius 1 --ortho 0.1 --look-at 0,0,0 --look flat --color #fff --background black";
+        folder.render(&format!("a.dump -o a.png {view} {rest}"))
+    };
+    // A quarter and a half of linear white as sRGB.
+    for (opacity, grey) in [("share", 137), ("if(type==1,0.25,1)", 137), ("0.5", 188), ("max(share,0.5)", 188)] {
+        render(&format!("--opacity {opacity}")).fine();
+        let (pixels, ..) = png(&folder.path("a.png"));
+        assert!(pixels.iter().all(|&it| it == grey), "{opacity}: {}", pixels[0]);
+    }
+    let range = "0 (not seen) to 1 (opaque)";
+    for (opacity, told) in [
+        ("1.5", range),
+        ("-0.1", range),
+        ("8*share", range),
+        ("shara", "share"),
+        ("share+", "share+"),
+        ("0.5 --culling confidence", "off or certified with --opacity"),
+    ] {
+        render(&format!("--opacity {opacity}")).fails(2, &[told]);
     }
 }
