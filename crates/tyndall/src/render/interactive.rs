@@ -77,9 +77,9 @@ pub enum Detail {
 /// What is seen at a pixel.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Pick {
-    /// The particle's place in the file, counted from 0.
-    pub place: u64,
-    /// Its node in the structure.
+    /// The place in the file of the particle, or of that to which a shape belongs, counted from 0; none of a mesh.
+    pub place: Option<u64>,
+    /// Its node: those of shapes stand behind those of the particles.
     pub node: u32,
     /// Distance from the eye along the ray, as in [`Image::depth`].
     pub depth: f32,
@@ -285,7 +285,7 @@ impl Interactive {
         let ray = self.view.ray(x as f32 + 0.5, y as f32 + 0.5);
         let structure = self.scene.structure();
         let particle = structure.intersect(&ray, None).map(|hit| (hit.t, hit.node));
-        let nearest = self.scene.bond_before(&ray, particle.map(|(depth, _)| depth)).or(particle);
+        let nearest = self.scene.shape_before(&ray, particle.map(|(depth, _)| depth)).or(particle);
         let (depth, node) = nearest?;
         let position = structure.origin() + (ray.origin + depth * ray.direction).as_dvec3();
         Some(Pick { place: self.scene.place(node), node, depth, position })

@@ -96,11 +96,13 @@ impl Settings {
         }
         scene.lighting.check()?;
         let replicated = scene.structure().replicas().is_some();
-        let bonded = scene.bonds().is_some();
+        let has_shapes = scene.shapes().is_some();
         match &self.culling {
-            Culling::Confidence(_) if replicated || bonded => {
-                Err(Error::setting("culling", "confidence", "off or certified with bonds or periodic images"))
-            }
+            Culling::Confidence(_) if replicated || has_shapes => Err(Error::setting(
+                "culling",
+                "confidence",
+                "off or certified with bonds, meshes or periodic images",
+            )),
             Culling::Certified(options) if replicated && options.coverage => {
                 Err(Error::setting("certified", "coverage", "without coverage with periodic images"))
             }
@@ -121,7 +123,7 @@ impl Settings {
             Culling::Certified(options) if options.coverage => {
                 refused("certified", "coverage", "without coverage in a panorama")
             }
-            _ if scene.bonds().is_some() => refused("panorama", "bonds", "spheres alone"),
+            _ if scene.shapes().is_some() => refused("panorama", "bonds or meshes", "spheres alone"),
             _ if matches!(scene.lighting, Lighting::Paths(Paths { lens: Some(_), .. })) => {
                 refused("--aperture", "given", "left out of a panorama, which has no lens")
             }

@@ -13,7 +13,7 @@ use super::statistics::{grouped, quantiles, sampled_ids, short};
 use crate::error::{Error, Result};
 use crate::particles::Particles;
 use crate::periodic::{Lattice, pairs};
-use crate::structure::bonds::Segment;
+use crate::structure::shapes::Segment;
 
 /// What says who is bonded.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

@@ -29,12 +29,12 @@ pub mod units;
 pub mod viewpoint;
 pub mod wanted;
 
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::math::Ray;
 use crate::structure::Structure;
-use crate::structure::bonds::{Bonds, Segment};
 use crate::structure::replicas::Replicas;
 use crate::structure::selection::Column;
+use crate::structure::shapes::{Mesh, Segment, Shapes};
 #[cfg(feature = "gpu")]
 use color::ColorColumn;
 use color::ParticleColors;
@@ -52,7 +52,8 @@ pub struct Scene {
     structure: Structure,
     /// By node.
     colors: ParticleColors,
-    bonds: Option<Bonds>,
+    /// Beside the particles.
+    shapes: Option<Shapes>,
     /// By node the probability that a particle is there, where not all are opaque.
     opacity: Option<Vec<f32>>,
     /// Quantities that filters may ask for.
@@ -68,7 +69,7 @@ impl Scene {
         background: Option<[f32; 3]>,
     ) -> Self {
         let colors = colors.arranged(structure.ids());
-        Self { lighting, background, structure, colors, bonds: None, opacity: None, selectables: Vec::new() }
+        Self { lighting, background, structure, colors, shapes: None, opacity: None, selectables: Vec::new() }
     }
 
     /// The particles.
@@ -97,83 +98,88 @@ impl Scene {
         self.structure.replicate(replicas)
     }
 
-    /// Joins particles by cylinders of that radius, between what the ids of `segments` name. Fails as [`Bonds::new`] does, and if there are
-    /// too many nodes.
+    /// Joins particles by cylinders of that radius, between what the ids of `segments` name; what has no length, or an id that is none, is left out.
+    ///
+    /// Fails with [`Error::Setting`] if the radius is not a number above 0, or there are too many nodes.
     pub fn bond(&mut self, segments: &[Segment], radius: f32) -> Result<()> {
-        let mut bonds = Bonds::new(&self.structure, segments, radius)?;
-        let nodes =
-            u64::from(self.structure.images()) * (self.structure.len() as u64 + u64::from(bonds.nodes()));
-        if nodes + self.structure.len() as u64 > 1 << 32 {
-            return Err(Error::setting(
-                "--bonds",
-                bonds.len(),
-                "fewer bonds, or images: 2^32 parts of both in all",
-            ));
-        }
-        bonds.show(&self.structure)?;
-        self.bonds = Some(bonds).filter(|bonds| !bonds.is_empty());
-        Ok(())
+        self.add(|shapes, structure| shapes.add_bonds(structure, segments, radius))
     }
 
-    /// The bonds, if there are any.
+    /// Shows a mesh of a color (linear RGB) beside the particles, from both sides; periodic images have images of it. It belongs to no particle, so that
+    /// no filter hides it, and has the id -1.
+    ///
+    /// Fails with [`Error::Setting`] if there are too many nodes.
+    pub fn add_mesh(&mut self, mesh: &Mesh, color: [f32; 3]) -> Result<()> {
+        self.add(|shapes, structure| shapes.add_mesh(structure, mesh, color))
+    }
+
+    fn add(&mut self, add: impl FnOnce(&mut Shapes, &Structure) -> Result<()>) -> Result<()> {
+        let mut shapes = self.shapes.take().map_or_else(Shapes::new, Ok)?;
+        let added = add(&mut shapes, &self.structure);
+        shapes.show(&self.structure)?;
+        self.shapes = Some(shapes).filter(|shapes| !shapes.is_empty());
+        added
+    }
+
+    /// The shapes beside the particles, if there are any.
     #[inline(always)]
-    pub(crate) fn bonds(&self) -> Option<&Bonds> {
-        self.bonds.as_ref()
+    pub(crate) fn shapes(&self) -> Option<&Shapes> {
+        self.shapes.as_ref()
     }
 
-    /// How many nodes particles and bonds have, in all images.
+    /// How many nodes particles and shapes have, in all images.
     pub(crate) fn nodes(&self) -> u32 {
-        let bonds = self.bonds.as_ref().map_or(0, Bonds::nodes);
-        self.structure.nodes() + self.structure.images() * bonds
+        let shapes = self.shapes.as_ref().map_or(0, Shapes::nodes);
+        self.structure.nodes() + self.structure.images() * shapes
     }
 
-    /// The bond's node, counted from 0, that a node behind those of the particles is, and by how much its image is moved.
+    /// The shapes' node, counted from 0, that a node behind those of the particles is, and by how much its image is moved.
     #[inline(always)]
-    pub(crate) fn locate_bond(&self, node: u32) -> Option<(&Bonds, u32, Vec3)> {
-        let bonds = self.bonds.as_ref()?;
+    pub(crate) fn locate_shape(&self, node: u32) -> Option<(&Shapes, u32, Vec3)> {
+        let shapes = self.shapes.as_ref()?;
         let node = node.checked_sub(self.structure.nodes())?;
-        Some((bonds, node % bonds.nodes(), self.structure.shift(node / bonds.nodes())))
+        Some((shapes, node % shapes.nodes(), self.structure.shift(node / shapes.nodes())))
     }
 
-    /// Depth and node of the first bond that a ray meets before `depth`; every bond of every image is tried.
-    pub(crate) fn bond_before(&self, ray: &Ray, depth: Option<f32>) -> Option<(f32, u32)> {
-        self.first_bond(ray, depth, |bonds, ray, _| bonds.intersect(ray))
+    /// Depth and node of the first shape that a ray meets before `depth`; every shape of every image is tried.
+    pub(crate) fn shape_before(&self, ray: &Ray, depth: Option<f32>) -> Option<(f32, u32)> {
+        self.first_shape(ray, depth, |shapes, ray, _| shapes.intersect(ray))
     }
 
-    /// The same by the hierarchy of the bonds, but for the one of node `except`. Where rounding decides whether a rim is met, it may not be.
-    pub(crate) fn bond_met(&self, ray: &Ray, depth: Option<f32>, except: Option<u32>) -> Option<(f32, u32)> {
-        self.first_bond(ray, depth, |bonds, ray, first_node| {
+    /// The same by the hierarchy of the shapes, but for the one of node `except`. Where rounding decides whether a rim is met, it may not be.
+    pub(crate) fn shape_met(&self, ray: &Ray, depth: Option<f32>, except: Option<u32>) -> Option<(f32, u32)> {
+        self.first_shape(ray, depth, |shapes, ray, first_node| {
             let except = except.and_then(|node| node.checked_sub(first_node)).map(|node| node / 2);
-            bonds.nearest(ray, except)
+            shapes.nearest(ray, except)
         })
     }
 
-    /// What `ask` finds in the bonds of each image, whose nodes count from the number that it is told.
-    fn first_bond(
+    /// What `ask` finds in the shapes of each image, whose nodes count from the number that it is told.
+    fn first_shape(
         &self,
         ray: &Ray,
         depth: Option<f32>,
-        ask: impl Fn(&Bonds, &Ray, u32) -> Option<(f32, u32)>,
+        ask: impl Fn(&Shapes, &Ray, u32) -> Option<(f32, u32)>,
     ) -> Option<(f32, u32)> {
-        let bonds = self.bonds.as_ref()?;
+        let shapes = self.shapes.as_ref()?;
         let mut best: Option<(f32, u32)> = None;
         for image in 0..self.structure.images() {
             let t_max =
                 best.map(|(depth, _)| depth).or(depth).map_or(ray.t_max, |depth| depth.min(ray.t_max));
             let moved = Ray { origin: ray.origin - self.structure.shift(image), t_max, ..*ray };
-            let first_node = self.structure.nodes() + image * bonds.nodes();
-            let found = ask(bonds, &moved, first_node);
+            let first_node = self.structure.nodes() + image * shapes.nodes();
+            let found = ask(shapes, &moved, first_node);
             best = found.map(|(depth, node)| (depth, first_node + node)).or(best);
         }
         best
     }
 
-    /// The place in the file of the particle at a node, or of that to which half of a bond belongs.
+    /// The place in the file of the particle at a node, or of that to which a shape or its half belongs; none of a mesh.
     #[inline(always)]
-    pub(crate) fn place(&self, node: u32) -> u64 {
-        match self.locate_bond(node) {
-            Some((bonds, half, _)) => self.structure.place(bonds.owner(half)),
-            None => self.structure.place(node),
+    pub(crate) fn place(&self, node: u32) -> Option<u64> {
+        match self.locate_shape(node) {
+            Some((shapes, node, _)) => shapes.particle(node).map(|owner| self.structure.place(owner)),
+            None => Some(self.structure.place(node)),
         }
     }
 

@@ -56,20 +56,20 @@ impl Scene {
         Ok(())
     }
 
-    /// The same scene of opaque particles alone: those for which `is_there` says so, who is told id and opacity. A bond is there if that is said of
+    /// The same scene of opaque particles alone: those for which `is_there` says so, who is told id and opacity. What joins particles is there if that is said of
     /// its first particle with the lesser opacity of both. Memory is shared.
     pub(crate) fn opaque(&self, is_there: impl Fn(u32, f32) -> bool + Sync) -> Self {
         let ids = self.structure.ids();
         let opacity = |node: u32| self.opacity.as_ref().map_or(1.0, |opacity| opacity[node as usize]);
         let keeps = |node: u32, opacity: f32| is_there(ids[node as usize], opacity);
-        let bonds = self.bonds.as_ref();
+        let shapes = self.shapes.as_ref();
+        let keeps_shape = |[first, second]: [u32; 2]| keeps(first, opacity(first).min(opacity(second)));
         Self {
             lighting: self.lighting,
             background: self.background,
             structure: self.structure.thinned(|node| keeps(node, opacity(node))),
             colors: self.colors.clone(),
-            bonds: bonds
-                .map(|it| it.thinned(|[first, second]| keeps(first, opacity(first).min(opacity(second))))),
+            shapes: shapes.map(|it| it.thinned(keeps_shape)),
             opacity: None,
             selectables: Vec::new(),
         }

@@ -320,8 +320,8 @@ impl Scene {
         let within = found.iter().map(|(column, intervals)| Rule::Within(column, intervals));
         let rules: Vec<Rule> = within.chain(half_spaces.iter().copied().map(Rule::HalfSpace)).collect();
         let shown = self.structure.show(&rules);
-        if let Some(bonds) = &mut self.bonds {
-            bonds.show(&self.structure)?;
+        if let Some(shapes) = &mut self.shapes {
+            shapes.show(&self.structure)?;
         }
         Ok(shown)
     }

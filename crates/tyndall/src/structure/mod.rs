@@ -4,7 +4,6 @@
 //! its node, besides its id. All structures answer with the same formula, [`crate::math::enter_sphere`], so that they agree
 //! bit for bit. Where two particles are entered at the same distance, the one with the smaller id counts.
 
-pub mod bonds;
 mod build;
 pub mod bvh;
 pub(crate) mod heap;
@@ -13,6 +12,7 @@ pub mod replicas;
 pub mod saved;
 mod search;
 pub mod selection;
+pub mod shapes;
 pub mod treelets;
 
 use glam::{DVec3, Vec3};

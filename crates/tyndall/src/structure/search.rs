@@ -16,12 +16,15 @@ enum Wanted {
 
 /// Is told what a walk visits and meets. `()` is told nothing, and costs nothing.
 pub(super) trait Observer {
-    /// Whether every particle that the ray enters is of interest, not only the first.
+    /// Whether it has to be told every particle that the ray enters, each once.
     const EVERY: bool = false;
     /// So many more nodes were opened and particles tested.
     fn visit(&mut self, _nodes: u64, _particles: u64) {}
-    /// The ray enters the particle at `node` at `t`.
-    fn meet(&mut self, _t: f32, _node: u32) {}
+    /// The ray enters the particle at `node` at `t`; returns how far it is of interest from then on. What is behind the particle is hidden.
+    #[inline(always)]
+    fn meet(&mut self, t: f32, _node: u32) -> f32 {
+        t
+    }
 }
 
 impl Observer for () {}
@@ -41,8 +44,19 @@ impl Observer for Every<'_> {
     const EVERY: bool = true;
 
     #[inline(always)]
-    fn meet(&mut self, t: f32, node: u32) {
+    fn meet(&mut self, t: f32, node: u32) -> f32 {
         (self.0)(t, node);
+        f32::INFINITY
+    }
+}
+
+/// Is told particles that the ray enters, and says how far it is of interest from then on.
+pub(super) struct Within<'a>(pub(super) &'a mut dyn FnMut(u32) -> f32);
+
+impl Observer for Within<'_> {
+    #[inline(always)]
+    fn meet(&mut self, _t: f32, node: u32) -> f32 {
+        (self.0)(node)
     }
 }
 
@@ -132,7 +146,7 @@ impl<O: Observer> Search<O> {
         if self.except == Some(node) {
             return false;
         }
-        self.observer.meet(t, node);
+        let of_interest = self.observer.meet(t, node);
         // Of equally near ones that with the smaller id; ids are far from the leaves, and asked for then only.
         let is_nearer = |&(nearest, other): &(f32, u32)| {
             t < nearest || (t == nearest && ids[node as usize] < ids[other as usize])
@@ -140,10 +154,7 @@ impl<O: Observer> Search<O> {
         if self.best.as_ref().is_none_or(is_nearer) {
             self.best = Some((t, node));
         }
-        if !O::EVERY {
-            // Clip the ray to the nearest hit: what is behind it is hidden.
-            self.t_far = self.t_far.min(t);
-        }
+        self.t_far = self.t_far.min(of_interest);
         self.wanted == Wanted::Any
     }
 }

@@ -250,7 +250,7 @@ fn a_pixel_is_picked_as_it_is_seen() {
     let mut met = 0;
     for (pixel, (&id, &depth)) in it.image().id.iter().zip(&it.image().depth).enumerate() {
         let pick = it.pick(pixel as u32 % 70, pixel as u32 / 70);
-        let seen = (id >= 0).then_some((id as u64, depth));
+        let seen = (id >= 0).then_some((Some(id as u64), depth));
         assert_eq!(pick.map(|pick| (pick.place, pick.depth)), seen);
         if let Some(pick) = pick {
             let (center, radius) = it.scene().structure().sphere(pick.node);
@@ -398,8 +398,8 @@ mod card {
             let pick = it.pick(pixel as u32 % 70, pixel as u32 / 70);
             met += usize::from(pick.is_some());
             // A ray that grazes a sphere may be decided otherwise.
-            differing += usize::from(pick.map_or(-1, |pick| pick.place as i64) != id);
-            if let Some(pick) = pick.filter(|pick| pick.place as i64 == id) {
+            differing += usize::from(pick.map_or(-1, |pick| pick.place.unwrap() as i64) != id);
+            if let Some(pick) = pick.filter(|pick| pick.place == Some(id as u64)) {
                 assert!((pick.depth - depth).abs() <= 1e-4 * depth, "{depth} {pick:?}");
             }
         }

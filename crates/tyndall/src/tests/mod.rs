@@ -1,6 +1,5 @@
 //! Tests that look inside: structures and kernels against brute force, on random and on degenerate scenes.
 
-mod bonds;
 mod certified;
 mod culling;
 mod interactive;
@@ -11,6 +10,7 @@ mod relight;
 mod replicas;
 pub(crate) mod scenes;
 mod selection;
+mod shapes;
 #[cfg(feature = "gpu")]
 mod twins;
 mod visibility;

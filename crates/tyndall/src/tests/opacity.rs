@@ -11,7 +11,7 @@ use crate::scene::camera::{Camera, Projection};
 use crate::scene::color::ParticleColors;
 use crate::scene::light::{KeyLight, Lighting, Paths, Sky};
 use crate::scene::material::Material;
-use crate::structure::bonds::Segment;
+use crate::structure::shapes::Segment;
 use crate::structure::{Kind, Structure};
 use fearless_simd::Level;
 

@@ -9,10 +9,10 @@ use fearless_simd_macros::simd;
 use glam::Vec3;
 
 use super::beams::{self, Spans};
-use super::bonds;
 use super::hits::PACKETS;
 use super::replicas::{Moved, Replicated, shadow_of_images};
 use super::shadows::{self, Light};
+use super::shapes;
 use super::surfaces::Layer;
 use super::tiles::RAYS;
 use super::{FILM_PIXELS, Pass};
@@ -101,12 +101,12 @@ pub(super) fn gather<S: Simd>(
     } else {
         ask_single_rays(structure, toward, layer, &mut scratch.lanes);
     }
-    match (replicated, pass.secondary.bonds()) {
+    match (replicated, pass.secondary.shapes()) {
         (Some(replicated), _) => shadow_of_images(simd, replicated, pass, toward, layer, scratch, counts),
-        (None, Some(bonds)) => {
+        (None, Some(shapes)) => {
             let surfaces = Surfaces { position: &layer.position, on: &layer.node };
-            let bonds = (bonds, structure.nodes());
-            bonds::shadow(simd, bonds, toward, surfaces, &mut scratch.lanes, &mut scratch.shadow_stack);
+            let shapes = (shapes, structure.nodes());
+            shapes::shadow(simd, shapes, toward, surfaces, &mut scratch.lanes, &mut scratch.shadow_stack);
         }
         (None, None) => {}
     }

@@ -4,7 +4,6 @@
 //! hierarchy, a ray each for other structures), then lights it, sixteen neighboring pixels at a time.
 
 mod beams;
-mod bonds;
 mod clip;
 mod confidence;
 mod coverage;
@@ -18,6 +17,7 @@ mod replicas;
 mod seen;
 mod settling;
 mod shadows;
+mod shapes;
 mod surfaces;
 mod tiles;
 
@@ -184,7 +184,8 @@ impl Film {
                     depth[at] = tile.depth[pixel];
                     id[at] = if depth[at] < f32::INFINITY {
                         if tile.node[pixel] != last.0 {
-                            last = (tile.node[pixel], scene.place(tile.node[pixel]) as i64);
+                            let place = scene.place(tile.node[pixel]);
+                            last = (tile.node[pixel], place.map_or(-1, |place| place as i64));
                         }
                         last.1
                     } else {
@@ -496,13 +497,13 @@ fn find_hits<S: Simd>(
             tile.update_depths(simd);
         }
     }
-    match (replicated, scene.bonds()) {
+    match (replicated, scene.shapes()) {
         (Some(replicated), _) => {
             replicas::walk(simd, replicated, (view, &beam), tile, &mut scratch.rays, &mut scratch.stack);
         }
-        (None, Some(bonds)) => {
-            let bonds = (bonds, scene.structure().nodes());
-            bonds::walk(simd, bonds, view, &beam, tile, &mut scratch.stack);
+        (None, Some(shapes)) => {
+            let shapes = (shapes, scene.structure().nodes());
+            shapes::walk(simd, shapes, view, &beam, tile, &mut scratch.stack);
         }
         (None, None) => {}
     }

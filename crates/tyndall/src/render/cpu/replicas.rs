@@ -8,11 +8,11 @@ use fearless_simd_macros::simd;
 use glam::Vec3;
 
 use super::beams::Spans;
-use super::bonds;
 use super::hits::PACKETS;
 use super::lighting::{Lit, Surfaces, place, shadow};
 use super::pass::Pass;
 use super::shadows::Light;
+use super::shapes;
 use super::surfaces::Layer;
 use super::tiles::{self, BLOCKS, Beam, Entry, RAYS, Tile};
 use crate::math::{Bounds, HIT_ROUNDING};
@@ -21,9 +21,9 @@ use crate::scene::Scene;
 use crate::scene::camera::View;
 use crate::simd::Lanes3;
 use crate::structure::Store;
-use crate::structure::bonds::Bonds;
 use crate::structure::bvh::Bvh;
 use crate::structure::replicas::{Replica, ReplicaTree, Visitor};
+use crate::structure::shapes::Shapes;
 
 /// By block and axis: see [`Tile::varying`].
 pub(super) type Rays = [[[f32; RAYS]; 3]; BLOCKS];
@@ -34,8 +34,8 @@ pub(super) struct Replicated<'a> {
     replicas: &'a ReplicaTree,
     bounds: Bounds,
     bvh: Option<&'a Bvh>,
-    /// With the node of the first bond of the first image.
-    bonds: Option<(&'a Bonds, u32)>,
+    /// With the node of the first shape of the first image.
+    shapes: Option<(&'a Shapes, u32)>,
 }
 
 impl<'a> Replicated<'a> {
@@ -43,19 +43,19 @@ impl<'a> Replicated<'a> {
     pub(super) fn of(scene: &'a Scene) -> Option<Self> {
         let structure = scene.structure();
         let replicas = structure.replicas()?;
-        let bonds = scene.bonds().map(|bonds| (bonds, structure.nodes()));
-        let around_bonds = bonds.map_or(Bounds::EMPTY, |(bonds, _)| bonds.bounds());
+        let shapes = scene.shapes().map(|shapes| (shapes, structure.nodes()));
+        let around_shapes = shapes.map_or(Bounds::EMPTY, |(shapes, _)| shapes.bounds());
         let (bvh, around) = match &structure.store {
             Store::Bvh(bvh) => (Some(bvh), bvh.bounds()),
             _ => (None, Bounds::EMPTY),
         };
-        Some(Self { replicas, bounds: around.union(around_bonds), bvh, bonds })
+        Some(Self { replicas, bounds: around.union(around_shapes), bvh, shapes })
     }
 
-    /// The bonds of an image, with the node of its first one.
+    /// The shapes of an image, with the node of its first one.
     #[inline(always)]
-    fn bonds_of(&self, replica: &Replica) -> Option<(&'a Bonds, u32)> {
-        self.bonds.map(|(bonds, first_node)| (bonds, first_node + replica.number * bonds.nodes()))
+    fn shapes_of(&self, replica: &Replica) -> Option<(&'a Shapes, u32)> {
+        self.shapes.map(|(shapes, first_node)| (shapes, first_node + replica.number * shapes.nodes()))
     }
 }
 
@@ -108,8 +108,8 @@ impl<S: Simd> Visitor for Images<'_, S> {
         if let Some(bvh) = self.replicated.bvh {
             tiles::walk(self.simd, bvh, &view, &beam, self.tile, self.stack, None);
         }
-        if let Some(bonds) = self.replicated.bonds_of(&replica) {
-            bonds::walk(self.simd, bonds, &view, &beam, self.tile, self.stack);
+        if let Some(shapes) = self.replicated.shapes_of(&replica) {
+            shapes::walk(self.simd, shapes, &view, &beam, self.tile, self.stack);
         }
     }
 }
@@ -190,11 +190,11 @@ impl<S: Simd> Visitor for Shadows<'_, S> {
         if let Some(bvh) = self.replicated.bvh {
             shadow(simd, bvh, self.pass, toward, surfaces, self.lit, self.counts);
         }
-        if let Some((bonds, first_bond)) = self.replicated.bonds_of(&replica) {
+        if let Some((shapes, first_shape)) = self.replicated.shapes_of(&replica) {
             // Counted as the nodes on which the surfaces lie.
-            let bonds = (bonds, first_bond.wrapping_sub(first_node));
+            let shapes = (shapes, first_shape.wrapping_sub(first_node));
             let Lit { lanes, shadow_stack, .. } = &mut *self.lit;
-            bonds::shadow(simd, bonds, toward, surfaces, lanes, shadow_stack);
+            shapes::shadow(simd, shapes, toward, surfaces, lanes, shadow_stack);
         }
         self.lit.moved = Some(moved);
     }

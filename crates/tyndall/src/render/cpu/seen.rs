@@ -40,15 +40,18 @@ impl Film {
 /// The surface of what is at `node`, near `point`, which lies on it up to rounding.
 fn surface(scene: &Scene, node: u32, point: Vec3, direction: Vec3) -> Surface {
     let structure = scene.structure();
-    let (center, radius) = match scene.locate_bond(node) {
-        Some((bonds, half, shift)) => {
-            let cylinder = bonds.cylinder(half / 2);
-            (cylinder.center_of(point - shift) + shift, cylinder.radius)
+    let (point, normal) = match scene.locate_shape(node) {
+        Some((shapes, node, shift)) => {
+            let (point, normal) = shapes.shape(node / 2).surface(point - shift, direction);
+            (point + shift, normal)
         }
-        None => structure.sphere(node),
+        None => {
+            let (center, radius) = structure.sphere(node);
+            // A sphere so small that rounding leaves no direction faces the eye.
+            let normal = (point - center).normalize_or(-direction);
+            (center + radius * normal, normal)
+        }
     };
-    // A sphere so small that rounding leaves no direction faces the eye.
-    let normal = (point - center).normalize_or(-direction);
-    let position = structure.origin() + (center + radius * normal).as_dvec3();
+    let position = structure.origin() + point.as_dvec3();
     Surface { position: position.as_vec3().to_array(), normal: normal.to_array() }
 }

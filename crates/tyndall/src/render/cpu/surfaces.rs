@@ -8,7 +8,7 @@ use super::tiles::RAYS;
 use crate::scene::Scene;
 use crate::scene::camera::View;
 use crate::simd::Lanes3;
-use crate::structure::bonds::Cylinder;
+use crate::structure::shapes::Shape;
 
 /// What sixteen rays met, where they met anything.
 pub(super) struct Met<S: Simd> {
@@ -44,7 +44,7 @@ pub(super) fn look_up<S: Simd>(
     };
     let point = origin.plus(direction.times(depth));
     let structure = scene.structure();
-    let is_plain = structure.replicas().is_none() && scene.bonds().is_none();
+    let is_plain = structure.replicas().is_none() && scene.shapes().is_none();
     // Neighboring rays often meet the same particle: it is looked up once for all of them.
     let zero = f32x16::splat(simd, 0.0);
     let mut center = Lanes3 { x: zero, y: zero, z: zero };
@@ -52,18 +52,19 @@ pub(super) fn look_up<S: Simd>(
     let mut color = Lanes3 { x: zero, y: zero, z: zero };
     let nodes = u32x16::load_array_ref(simd, node);
     let mut left = bits;
+    let (mut shaped, mut of_shapes) = (0, OfShapes { position: [[0.0; RAYS]; 3], normal: [[0.0; RAYS]; 3] });
     while left != 0 {
         let node = node[left.trailing_zeros() as usize];
         let same = nodes.simd_eq(u32x16::splat(simd, node));
         left &= !same.to_bitmask();
         let (original, sphere) = if is_plain {
             (node, structure.own_sphere(node))
-        } else if let Some((bonds, half, shift)) = scene.locate_bond(node) {
-            let cylinder = bonds.cylinder(half / 2);
-            center = centers(simd, cylinder, shift, &point).where_else(same, center);
-            radius = same.select(f32x16::splat(simd, cylinder.radius), radius);
-            let owner = scene.color(bonds.owner(half));
-            color = Lanes3::splat(simd, Vec3::from_array(owner)).where_else(same, color);
+        } else if let Some((shapes, own, shift)) = scene.locate_shape(node) {
+            let lanes = same.to_bitmask() & bits;
+            of_shapes.settle(shapes.shape(own / 2), lanes, shift, (&point, &direction));
+            shaped |= lanes;
+            let owned = shapes.color(own, |owner| scene.color(owner));
+            color = Lanes3::splat(simd, Vec3::from_array(owned)).where_else(same, color);
             continue;
         } else {
             (structure.original(node), structure.sphere(node))
@@ -79,28 +80,43 @@ pub(super) fn look_up<S: Simd>(
     let is_clear = length_sq.simd_gt(f32x16::splat(simd, f32::MIN_POSITIVE));
     let normal = outward.times(f32x16::splat(simd, 1.0) / length_sq.sqrt());
     let normal = normal.where_else(is_clear, Lanes3 { x: -direction.x, y: -direction.y, z: -direction.z });
-    let position = center.plus(normal.times(radius));
+    let mut position = center.plus(normal.times(radius));
+    let mut normal = normal;
+    if shaped != 0 {
+        let is_shape = mask32x16::from_bitmask(simd, shaped);
+        position = Lanes3::load(simd, &of_shapes.position).where_else(is_shape, position);
+        normal = Lanes3::load(simd, &of_shapes.normal).where_else(is_shape, normal);
+    }
     Some(Met { hits, position, normal, cosine: -normal.dot(direction), color })
 }
 
-/// By lane the center around which a bond's surface is shaded as a sphere: see [`Cylinder::center_of`].
-#[inline(always)]
-fn centers<S: Simd>(
-    simd: S,
-    cylinder: &Cylinder,
-    shift: Vec3,
-    point: &Lanes3<f32x16<S>>,
-) -> Lanes3<f32x16<S>> {
-    let points = point.to_arrays();
-    let mut centers = [[0.0; RAYS]; 3];
-    for lane in 0..RAYS {
-        let point = Vec3::new(points[0][lane], points[1][lane], points[2][lane]);
-        let center = cylinder.center_of(point - shift) + shift;
-        for axis in 0..3 {
-            centers[axis][lane] = center[axis];
+/// Place and normal of surfaces of shapes, by axis and lane.
+struct OfShapes {
+    position: [[f32; RAYS]; 3],
+    normal: [[f32; RAYS]; 3],
+}
+
+impl OfShapes {
+    /// Sets the lanes of the bit mask, which met a shape at `point` along `direction`, in an image that is moved by `shift`.
+    fn settle<S: Simd>(
+        &mut self,
+        shape: &Shape,
+        mut lanes: u64,
+        shift: Vec3,
+        (point, direction): (&Lanes3<f32x16<S>>, &Lanes3<f32x16<S>>),
+    ) {
+        let (points, directions) = (point.to_arrays(), direction.to_arrays());
+        while lanes != 0 {
+            let lane = lanes.trailing_zeros() as usize;
+            lanes &= lanes - 1;
+            let at = |columns: &[[f32; RAYS]; 3]| Vec3::from([0, 1, 2].map(|axis| columns[axis][lane]));
+            let (position, normal) = shape.surface(at(&points) - shift, at(&directions));
+            let position = position + shift;
+            for axis in 0..3 {
+                (self.position[axis][lane], self.normal[axis][lane]) = (position[axis], normal[axis]);
+            }
         }
     }
-    Lanes3::load(simd, &centers)
 }
 
 /// What one sample of every pixel of a film tile met, by packet; see `hits`.

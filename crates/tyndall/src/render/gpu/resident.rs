@@ -124,8 +124,9 @@ enum Arranged<'a> {
 impl<'a> Content<'a> {
     /// Fails with [`Error::Setting`] if the structure is none that the card walks.
     fn of(scene: &'a Scene) -> Result<Self> {
-        if scene.bonds().is_some() {
-            return Err(Error::setting("--bonds", "drawn", "left out on the GPU; --device cpu draws them"));
+        if scene.shapes().is_some() {
+            let allowed = "left out on the GPU; --device cpu draws bonds and meshes";
+            return Err(Error::setting("shapes beside spheres", "drawn", allowed));
         }
         if scene.structure().replicas().is_some() {
             let allowed = "1 on the GPU, which draws no periodic images; --device cpu does";

@@ -59,7 +59,7 @@ struct Surface {
     position: Vec3,
     normal: Vec3,
     color: Vec3,
-    /// Of a sphere its center and radius; bonds are no clear bodies.
+    /// Of a sphere its center and radius; shapes are no clear bodies.
     sphere: Option<(Vec3, f32)>,
 }
 
@@ -87,10 +87,10 @@ impl<'a> Tracer<'a> {
         }
     }
 
-    /// What a ray meets first, but for the particle or bond at node `except`.
+    /// What a ray meets first, but for the particle or shape at node `except`.
     pub(super) fn meet(&self, ray: &Ray, except: Option<u32>) -> Option<(f32, u32)> {
         let hit = self.scene.structure().intersect(ray, except).map(|hit| (hit.t, hit.node));
-        self.scene.bond_met(ray, hit.map(|(depth, _)| depth), except).or(hit)
+        self.scene.shape_met(ray, hit.map(|(depth, _)| depth), except).or(hit)
     }
 
     /// RGB radiance toward the origin of `ray`, which meets `node` at distance `t`.
@@ -182,7 +182,7 @@ impl<'a> Tracer<'a> {
 
     fn is_shadowed(&self, ray: &Ray, from: u32) -> bool {
         self.scene.structure().occluded(ray, Some(from))
-            || self.scene.bond_met(ray, None, Some(from)).is_some()
+            || self.scene.shape_met(ray, None, Some(from)).is_some()
     }
 
     /// Radiance from outside that a direction sees which was drawn with a density, beyond what looking at the key light finds; all of it
@@ -196,28 +196,24 @@ impl<'a> Tracer<'a> {
         Vec3::splat(radiance)
     }
 
-    /// Where a ray meets the particle or bond at a node.
+    /// Where a ray meets the particle or shape at a node.
     fn surface(&self, ray: &Ray, t: f32, node: u32) -> Surface {
         let point = ray.origin + t * ray.direction;
         let structure = self.scene.structure();
-        let (center, radius, owner, is_sphere) = match self.scene.locate_bond(node) {
-            Some((bonds, half, shift)) => {
-                let cylinder = bonds.cylinder(half / 2);
-                (cylinder.center_of(point - shift) + shift, cylinder.radius, bonds.owner(half), false)
-            }
-            None => {
-                let (center, radius) = structure.sphere(node);
-                (center, radius, structure.original(node), true)
-            }
-        };
+        if let Some((shapes, own, shift)) = self.scene.locate_shape(node) {
+            let (position, normal) = shapes.shape(own / 2).surface(point - shift, ray.direction);
+            let color = shapes.color(own, |owner| self.scene.color(owner)).into();
+            return Surface { node, position: position + shift, normal, color, sphere: None };
+        }
+        let (center, radius) = structure.sphere(node);
         // A sphere so small that rounding leaves no direction faces the ray.
         let normal = (point - center).normalize_or(-ray.direction);
         Surface {
             node,
             position: center + radius * normal,
             normal,
-            color: self.scene.color(owner).into(),
-            sphere: is_sphere.then_some((center, radius)),
+            color: self.scene.color(structure.original(node)).into(),
+            sphere: Some((center, radius)),
         }
     }
 }

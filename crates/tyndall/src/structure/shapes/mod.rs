@@ -1,0 +1,302 @@
+//! Exact shapes beside the particles: cylinders of bonds, triangles of meshes.
+//!
+//! They stand in a hierarchy of their own, over balls around them or around parts of them, and are asked after the particles. A shape has two
+//! nodes behind those of the particles: bonds have two halves, which belong to the particles that they join.
+
+mod cylinder;
+mod mesh;
+pub(crate) mod number;
+#[cfg(test)]
+mod tests;
+mod triangle;
+
+use glam::{DVec3, Vec3};
+
+use super::Structure;
+use super::bvh::{Bvh, Packing};
+use super::search::{Search, Within};
+use crate::error::{Error, Result};
+use crate::math::{Bounds, Ray};
+use crate::structure::build::Record;
+use cylinder::Cylinder;
+pub use mesh::Mesh;
+use number::{Entry, Line, Number};
+use triangle::Triangle;
+
+/// Where a bond goes, as offsets from the particles' origin, and the ids of the particles that its first and second half belong to.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Segment {
+    /// Where it starts.
+    pub from: Vec3,
+    /// Where it ends.
+    pub to: Vec3,
+    /// The particle of each half.
+    pub ends: [u32; 2],
+}
+
+/// A shape, as offsets from the particles' origin.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Shape {
+    Cylinder(Cylinder),
+    Triangle(Triangle),
+}
+
+/// A ball around a shape, or around a part of one.
+#[derive(Clone, Copy, Debug)]
+struct Ball {
+    center: Vec3,
+    radius: f32,
+}
+
+impl Shape {
+    /// Where rays enter it, or meet it if it is flat. Rays that start inside do not enter: they do so at a negative distance.
+    #[inline(always)]
+    pub(crate) fn enter<R: Number>(&self, line: &Line<R>) -> Entry<R> {
+        match self {
+            Self::Cylinder(cylinder) => cylinder.enter(line),
+            Self::Triangle(triangle) => triangle.enter(line),
+        }
+    }
+
+    /// Place and normal of the surface near a point of it that was met along `direction`.
+    pub(crate) fn surface(&self, point: Vec3, direction: Vec3) -> (Vec3, Vec3) {
+        match self {
+            Self::Cylinder(cylinder) => cylinder.surface(point, direction),
+            Self::Triangle(triangle) => triangle.surface(point, direction),
+        }
+    }
+
+    /// Where a ray enters it within its interval, and whether in its second half.
+    fn meet(&self, ray: &Ray) -> Option<(f32, bool)> {
+        let Entry { t, is_second, meets } = self.enter(&Line::from(ray));
+        (meets && ray.t_min < t && t < ray.t_max).then_some((t, is_second))
+    }
+}
+
+/// What a shape belongs to, and has its color from.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Owner {
+    /// Its halves belong to the particles at these nodes.
+    Particles([u32; 2]),
+    /// A mesh, by its number.
+    Mesh(u32),
+}
+
+/// See the module.
+#[derive(Clone)]
+pub(crate) struct Shapes {
+    shapes: Vec<Shape>,
+    /// By shape.
+    owners: Vec<Owner>,
+    /// By mesh: linear RGB.
+    colors: Vec<[f32; 3]>,
+    /// Over the balls of those that are shown.
+    bvh: Bvh,
+    /// The radius of the largest ball.
+    longest: f32,
+    /// No larger balls are wanted around parts of a mesh.
+    mesh_ball: f32,
+}
+
+impl Shapes {
+    pub(crate) fn new() -> Result<Self> {
+        let bvh = Bvh::build(Vec::<Record<4>>::new(), 0.0, Packing::Exact, &())?;
+        let (shapes, owners, colors) = (Vec::new(), Vec::new(), Vec::new());
+        Ok(Self { shapes, owners, colors, bvh, longest: 0.0, mesh_ball: f32::INFINITY })
+    }
+
+    /// Adds bonds between particles that stand in `structure`, whose ids the segments have; what has no length is left out. `radius` is that of all.
+    ///
+    /// Fails with [`Error::Setting`] if the radius is not a number above 0, or there are too many.
+    pub(crate) fn add_bonds(
+        &mut self,
+        structure: &Structure,
+        segments: &[Segment],
+        radius: f32,
+    ) -> Result<()> {
+        if !(radius > 0.0 && radius.is_finite()) {
+            return Err(Error::setting("--bond-radius", radius, "a number above 0"));
+        }
+        let nodes = nodes_by_id(structure);
+        for segment in segments {
+            let [one, other] = segment.ends.map(|id| nodes.get(id as usize));
+            let cylinder = Cylinder::between([segment.from, segment.to], radius);
+            if let (Some(cylinder), Some(&one), Some(&other)) = (cylinder, one, other) {
+                self.shapes.push(Shape::Cylinder(cylinder));
+                self.owners.push(Owner::Particles([one, other]));
+            }
+        }
+        self.check(structure, "--bonds")
+    }
+
+    /// Adds a mesh of a color, linear RGB; triangles without area are left out.
+    ///
+    /// Fails with [`Error::Setting`] if there are too many.
+    pub(crate) fn add_mesh(&mut self, structure: &Structure, mesh: &Mesh, color: [f32; 3]) -> Result<()> {
+        let owner = Owner::Mesh(self.colors.len() as u32);
+        self.colors.push(color);
+        let origin = structure.origin();
+        for corners in mesh.triangles() {
+            let triangle = Triangle { corners: corners.map(|corner: DVec3| (corner - origin).as_vec3()) };
+            if triangle.area() > 0.0 {
+                self.shapes.push(Shape::Triangle(triangle));
+                self.owners.push(owner);
+            }
+        }
+        self.check(structure, "--mesh")
+    }
+
+    fn check(&mut self, structure: &Structure, name: &str) -> Result<()> {
+        let nodes = 2 * self.shapes.len() as u64 + structure.len() as u64;
+        if u64::from(structure.images()) * nodes + structure.len() as u64 > 1 << 32 {
+            let count = self.shapes.len();
+            let allowed = "fewer shapes, or images: 2^32 parts of them and particles in all";
+            return Err(Error::setting(name, count, allowed));
+        }
+        let areas = self.shapes.iter().filter_map(|shape| match shape {
+            Shape::Triangle(triangle) => Some(f64::from(triangle.area())),
+            Shape::Cylinder(_) => None,
+        });
+        let (count, area) = areas.fold((0.0, 0.0), |(count, sum), area| (count + 1.0, sum + area));
+        // About as many balls as triangles, and a thousand more, so that a wall of two triangles is not a single ball.
+        self.mesh_ball = (area / (count + 1000.0)).sqrt() as f32;
+        Ok(())
+    }
+
+    /// Shows shapes whose particles are all shown, and all meshes.
+    pub(crate) fn show(&mut self, structure: &Structure) -> Result<()> {
+        let mut records = Vec::new();
+        self.longest = 0.0;
+        let depth = if self.shapes.len() < 1 << 14 { MOST_HALVES } else { MOST_HALVES / 2 };
+        for (id, (shape, owner)) in (0..).zip(self.shapes.iter().zip(&self.owners)) {
+            let is_shown = match owner {
+                Owner::Particles(nodes) => nodes.iter().all(|&node| structure.shows(node)),
+                Owner::Mesh(_) => true,
+            };
+            let mut add = |ball: Ball| {
+                let [x, y, z] = ball.center.to_array();
+                records.push(Record { coordinates: [x, y, z, ball.radius], id });
+                self.longest = ball.radius.max(self.longest);
+            };
+            match shape {
+                _ if !is_shown => {}
+                Shape::Cylinder(cylinder) => add(cylinder.ball()),
+                Shape::Triangle(triangle) => triangle.balls(self.mesh_ball, depth, &mut add),
+            }
+        }
+        self.bvh = Bvh::build(records, 0.0, Packing::Exact, &())?;
+        Ok(())
+    }
+
+    /// Those of the shown ones that `keeps` keeps, by the nodes of their particles, and all meshes.
+    pub(crate) fn thinned(&self, keeps: impl Fn([u32; 2]) -> bool + Sync) -> Self {
+        let mut thinned = self.clone();
+        thinned.bvh.thin(|place| match self.owners[self.at(place) as usize] {
+            Owner::Particles(nodes) => keeps(nodes),
+            Owner::Mesh(_) => true,
+        });
+        thinned
+    }
+
+    /// Whether there are none.
+    pub(crate) fn is_empty(&self) -> bool {
+        self.shapes.is_empty()
+    }
+
+    /// Nodes of one image: two a shape.
+    pub(crate) fn nodes(&self) -> u32 {
+        2 * self.shapes.len() as u32
+    }
+
+    /// A box around all that are shown.
+    pub(crate) fn bounds(&self) -> Bounds {
+        self.bvh.bounds()
+    }
+
+    pub(crate) fn bvh(&self) -> &Bvh {
+        &self.bvh
+    }
+
+    /// The number of the shape at a place of the hierarchy.
+    #[inline(always)]
+    pub(crate) fn at(&self, place: u32) -> u32 {
+        self.bvh.ids()[place as usize]
+    }
+
+    #[inline(always)]
+    pub(crate) fn shape(&self, number: u32) -> &Shape {
+        &self.shapes[number as usize]
+    }
+
+    /// The particle that a node, counted from 0, belongs to, by its node; none of a mesh.
+    #[inline(always)]
+    pub(crate) fn particle(&self, node: u32) -> Option<u32> {
+        match self.owners[node as usize / 2] {
+            Owner::Particles(nodes) => Some(nodes[node as usize % 2]),
+            Owner::Mesh(_) => None,
+        }
+    }
+
+    /// The color of what a node, counted from 0, belongs to; `of_particle` knows those of particles by their nodes.
+    #[inline(always)]
+    pub(crate) fn color(&self, node: u32, of_particle: impl Fn(u32) -> [f32; 3]) -> [f32; 3] {
+        match self.owners[node as usize / 2] {
+            Owner::Particles(nodes) => of_particle(nodes[node as usize % 2]),
+            Owner::Mesh(mesh) => self.colors[mesh as usize],
+        }
+    }
+
+    /// What a ray enters first, but for shape `except`, and the node, counted from 0: those are tried whose balls it enters.
+    pub(crate) fn nearest(&self, ray: &Ray, except: Option<u32>) -> Option<(f32, u32)> {
+        // Started so far back that it enters the balls in which it is.
+        let back = 2.5 * self.longest;
+        let from_behind = Ray { origin: ray.origin - back * ray.direction, t_max: ray.t_max + back, ..*ray };
+        let mut best: Option<(f32, u32)> = None;
+        let mut met = |place: u32| {
+            let number = self.at(place);
+            if except != Some(number) {
+                keep_first(&mut best, self.shape(number).meet(ray), number);
+            }
+            // A ball that holds something nearer is entered before it, give or take rounding.
+            best.map_or(f32::INFINITY, |(t, _)| 1.000_01 * (t + back))
+        };
+        self.bvh.search(Search::observed(&from_behind, Within(&mut met)));
+        best
+    }
+
+    /// What a ray enters first, and the node, counted from 0: every shape that is shown is tried.
+    pub(crate) fn intersect(&self, ray: &Ray) -> Option<(f32, u32)> {
+        let mut best: Option<(f32, u32)> = None;
+        for (place, &number) in (0..).zip(self.bvh.ids()) {
+            if !self.bvh.shows(place) {
+                continue;
+            }
+            keep_first(&mut best, self.shape(number).meet(ray), number);
+        }
+        best
+    }
+}
+
+/// How often a triangle is halved at most.
+const MOST_HALVES: u32 = 12;
+
+/// Keeps the nearer of two, of equally near ones that of the smaller node.
+fn keep_first(best: &mut Option<(f32, u32)>, met: Option<(f32, bool)>, number: u32) {
+    if let Some((t, is_second)) = met {
+        let found = (t, 2 * number + u32::from(is_second));
+        if best.is_none_or(|best| t < best.0 || t == best.0 && found.1 < best.1) {
+            *best = Some(found);
+        }
+    }
+}
+
+/// By id the node of a particle.
+fn nodes_by_id(structure: &Structure) -> Vec<u32> {
+    let mut nodes = vec![0_u32; structure.len()];
+    for (&id, node) in structure.ids().iter().zip(0..) {
+        if let Some(place) = nodes.get_mut(id as usize) {
+            *place = node;
+        }
+    }
+    nodes
+}
