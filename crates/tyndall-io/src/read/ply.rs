@@ -4,6 +4,7 @@
 //! file's order. Other elements and lists are skipped, said. Files of 3D Gaussian splats get a radius from their scales.
 //! Source: Greg Turk, "The PLY Polygon File Format", 1998, and the type names of later writers (`float32` for `float`).
 
+mod faces;
 mod header;
 #[cfg(test)]
 mod tests;
@@ -15,6 +16,7 @@ use rayon::prelude::*;
 use tyndall::particles::{Attribute, Columns, Radii, Values};
 use tyndall::{Error, Progress, Result};
 
+pub(super) use self::faces::faces;
 use self::header::{Element, Encoding, Header, Property, Shape};
 use super::numbers::{Kind, Order};
 use super::records::{self, Field, Layout, Source};
