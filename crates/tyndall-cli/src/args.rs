@@ -22,6 +22,7 @@ use crate::medium::args::{Density, Medium};
 use crate::output::{EncoderName, Pattern};
 use crate::project::Project;
 use crate::scene::Origin;
+use crate::shapes::Shapes;
 use crate::values::{Background, Degrees, Ortho, Size, Slice, count, length, point};
 
 /// Particle files to pictures: exact spheres, at any count.
@@ -193,6 +194,8 @@ pub(crate) struct Render {
     pub(crate) selection: Selection,
     #[command(flatten)]
     pub(crate) look: Look,
+    #[command(flatten)]
+    pub(crate) shapes: Shapes,
     #[command(flatten)]
     pub(crate) annotate: Annotate,
     #[command(flatten)]

@@ -33,6 +33,7 @@ mod render;
 mod report;
 mod scene;
 mod selection;
+mod shapes;
 mod shot;
 mod structure;
 mod usage;

@@ -40,6 +40,7 @@ use crate::output::{Output, Pattern};
 use crate::plan::{self, Picture};
 use crate::report::{Failure, Outcome, Report, counted, seconds};
 use crate::selection::Found;
+use crate::shapes::Meshes;
 use crate::shot::{self, Shot};
 use crate::values::{Background, Degrees};
 use crate::{ahead, culling, dry_run, input, looks, medium, metadata, progress, project, structure};
@@ -134,6 +135,7 @@ struct Job<'a> {
     layers: &'a [Layer],
     renders: Renders,
     goal: Goal,
+    meshes: Meshes,
 }
 
 impl<'a> Job<'a> {
@@ -159,7 +161,7 @@ impl<'a> Job<'a> {
             options.check()?;
         }
         let images = args.look.images();
-        let bonds = args.look.bonds.map(|_| "--bonds");
+        let shape = args.look.bonds.map(|_| "--bonds").or(args.shapes.name());
         let coverage = matches!(culling, Culling::Certified(proofs) if proofs.coverage);
         if images.is_some() && coverage {
             return Err(Error::setting("--certified", "coverage", "without coverage with --replicate").into());
@@ -171,11 +173,11 @@ impl<'a> Job<'a> {
             let text = format!("{name} is not for {other} — leave out one of them");
             return Err(Failure::Usage(text));
         }
-        if args.camera.panorama && bonds.is_some() {
-            return Err(Failure::Usage("--panorama draws no bonds — leave out one of them".into()));
+        if let Some(name) = shape.filter(|_| args.camera.panorama) {
+            return Err(Failure::Usage(format!("--panorama draws spheres alone — leave out {name}")));
         }
         let opacity = args.look.opacity.as_ref().map(|_| "--opacity");
-        let beyond = images.map(|_| "--replicate").or(bonds).or(opacity);
+        let beyond = images.map(|_| "--replicate").or(shape).or(opacity);
         looks::check(args)?;
         if let (Some(wanted), Culling::Confidence(_)) = (beyond, culling) {
             let allowed = format!("off or certified with {wanted}");
@@ -216,6 +218,7 @@ impl<'a> Job<'a> {
                 report,
             )?,
             goal,
+            meshes: args.shapes.meshes()?,
         })
     }
 
@@ -408,6 +411,7 @@ impl<'a> Job<'a> {
         };
         let mut guesses = self.guesses(&conventions, count, &radius_text, &colors, &framing_text);
         guesses.extend(bonded.iter().map(|bonded| bonded.description.clone()));
+        guesses.extend(self.meshes.description());
         if is_first {
             self.report.note(format_args!("tyndall: {}", guesses.join(" · ")));
             let Settings { width, height, .. } = self.settings;
@@ -474,6 +478,7 @@ impl<'a> Job<'a> {
             scene.bond(&bonded.segments, bonded.radius)?;
         }
         scene.set_opacity(opacities.as_deref())?;
+        self.meshes.add_to(&mut scene)?;
         if let Some(text) = selection.hide_others(&mut scene)? {
             self.tell(is_first, &text);
             guesses.push(text);

@@ -208,9 +208,10 @@ impl Job<'_> {
             );
             return Err(Failure::Usage(text));
         }
-        if self.args.look.bonds.is_some() {
-            let text = "--bonds is for spheres — leave it out, or --mode medium";
-            return Err(Failure::Usage(text.into()));
+        let shape = self.args.look.bonds.map(|_| "--bonds").or(self.args.shapes.name());
+        if let Some(name) = shape {
+            let text = format!("{name} is for spheres — leave it out, or --mode medium");
+            return Err(Failure::Usage(text));
         }
         if self.args.medium.optics == OpticsName::Absorption && self.emission_spec() != EmissionSpec::None {
             let text = "--optics absorption emits nothing — leave --emission out, or take --optics emission-absorption";

@@ -16,6 +16,7 @@ mod periodic;
 mod pictures;
 mod project;
 mod scenes;
+mod shapes;
 mod stop;
 
 use std::ffi::OsStr;

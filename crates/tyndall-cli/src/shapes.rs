@@ -1,0 +1,70 @@
+//! Shapes beside spheres, as the command line has them: meshes.
+
+use std::path::PathBuf;
+
+use clap::Args;
+use tyndall::scene::{Scene, coloring, grouped};
+use tyndall::srgb::linear_from_encoded;
+use tyndall::structure::shapes::Mesh;
+use tyndall::{Error, Result};
+use tyndall_io::read;
+
+use crate::report::counted;
+
+/// What is shown beside the particles.
+#[derive(Args)]
+#[command(next_help_heading = "Shapes")]
+pub(crate) struct Shapes {
+    /// A mesh of triangles beside the particles, such as a wall: an STL, OBJ or PLY file in their coordinates; repeated for more. Both of its sides are
+    /// shown. The camera frames the particles alone, as walls may be far larger
+    #[arg(long, value_name = "FILE")]
+    mesh: Vec<PathBuf>,
+    /// Color of a mesh, #rrggbb or a color's name: one for all, or repeated, one for each [default: #b8b8b8]
+    #[arg(long, value_name = "COLOR", value_parser = coloring::color, requires = "mesh")]
+    mesh_color: Vec<[u8; 3]>,
+}
+
+/// The gray of walls, which leaves colors to the particles.
+const MESH_COLOR: [u8; 3] = [0xb8; 3];
+
+impl Shapes {
+    /// The flag that asks for a shape, if one does.
+    pub(crate) fn name(&self) -> Option<&'static str> {
+        (!self.mesh.is_empty()).then_some("--mesh")
+    }
+
+    /// Reads the meshes.
+    pub(crate) fn meshes(&self) -> Result<Meshes> {
+        let (count, colors) = (self.mesh.len(), self.mesh_color.len());
+        if colors > 1 && colors != count {
+            let allowed = format!("one for all, or one for each of {}", counted(count, "mesh"));
+            return Err(Error::setting("--mesh-color", format!("{colors} colors"), allowed));
+        }
+        let color = |number: usize| {
+            let color = self.mesh_color.get(number).or(self.mesh_color.first()).unwrap_or(&MESH_COLOR);
+            color.map(|byte| linear_from_encoded(f32::from(byte) / 255.0))
+        };
+        let read = |(number, path): (usize, &PathBuf)| Ok((read::mesh(path)?, color(number)));
+        Ok(Meshes(self.mesh.iter().enumerate().map(read).collect::<Result<_>>()?))
+    }
+}
+
+/// Meshes with their colors, linear RGB.
+pub(crate) struct Meshes(Vec<(Mesh, [f32; 3])>);
+
+impl Meshes {
+    /// What there is, in words; none without any.
+    pub(crate) fn description(&self) -> Option<String> {
+        let triangles = self.0.iter().map(|(mesh, _)| mesh.len()).sum();
+        match self.0.len() {
+            0 => None,
+            1 => Some(format!("a mesh of {}", counted(triangles, "triangle"))),
+            count => Some(format!("{count} meshes of {} triangles", grouped(triangles))),
+        }
+    }
+
+    /// Shows them in a scene.
+    pub(crate) fn add_to(&self, scene: &mut Scene) -> Result<()> {
+        self.0.iter().try_for_each(|(mesh, color)| scene.add_mesh(mesh, *color))
+    }
+}

@@ -1,0 +1,78 @@
+//! Shapes beside spheres: meshes in pictures, in words, and refused where they cannot be.
+
+use super::{Folder, dump, png};
+
+const VIEW: &str = "--eye 0,0,20 --look-at 0,0,0 --up 0,1,0 --ortho 8 --radius 0.5 --look flat --color #ff0000 --background none";
+
+/// A square of edge 2 around `x`, at height `z`.
+fn square(x: i32, z: i32) -> String {
+    let corners = [[-1, -1], [1, -1], [1, 1], [-1, 1]];
+    let lines = corners.map(|[dx, dy]| format!("v {} {dy} {z}\n", x + dx));
+    format!("{}f 1 2 3 4\n", lines.concat())
+}
+
+/// The color at a place, of a picture of 48 x 32 pixels, 4 a unit.
+fn color(folder: &Folder, name: &str, [x, y]: [i32; 2]) -> [u8; 4] {
+    let (pixels, _, _) = png(&folder.path(name));
+    let at = ((16 - 4 * y) * 48 + 24 + 4 * x) as usize * 4;
+    [0, 1, 2, 3].map(|channel| pixels[at + channel])
+}
+
+#[test]
+fn meshes_stand_before_and_behind_particles() {
+    let folder = Folder::new();
+    folder.file("a.dump", dump("id type x y z", 4.0, &["1 1 -3 0 0", "2 1 3 0 0"]));
+    folder.file("near.obj", square(-3, 2));
+    folder.file("far.obj", square(3, -2));
+    let said = folder
+        .render(&format!("a.dump -o a.png {VIEW} --mesh near.obj --mesh far.obj --mesh-color #00ff00"))
+        .fine();
+    assert!(said.contains("2 meshes of 4 triangles"), "{said}");
+    let (green, red) = ([0, 255, 0, 255], [255, 0, 0, 255]);
+    let at = |x: i32, y: i32| color(&folder, "a.png", [x, y]);
+    assert_eq!(
+        [at(-3, 0), at(3, 0), at(0, 0)],
+        [green, red, [0; 4]],
+        "a square hides a particle, another is hidden"
+    );
+    // A color for each, from a scene file in another folder, whose paths are its own.
+    std::fs::create_dir(folder.path("b")).unwrap();
+    folder.file(
+        "b/s.toml",
+        "[particles]\nfiles = \"../a.dump\"\n[shapes]\nmesh = [\"../near.obj\", \"../far.obj\"]\nmesh-color = [\"#0000ff\", \"#00ff00\"]\n",
+    );
+    folder.render(&format!("b/s.toml -o b.png {VIEW}")).fine();
+    // Three units right of the far square's middle it is still there, the particle no longer.
+    let seen = [[-3, 0], [3, 0]].map(|place| color(&folder, "b.png", place));
+    assert_eq!(seen, [[0, 0, 255, 255], red]);
+    let (_, _, texts) = png(&folder.path("b.png"));
+    assert!(texts.iter().any(|(key, text)| key == "Guesses" && text.contains("2 meshes of 4 triangles")));
+}
+
+#[test]
+fn meshes_that_cannot_be_are_refused() {
+    let folder = Folder::new();
+    folder.file("a.dump", dump("id type x y z", 4.0, &["1 1 0.5 1 1", "2 1 1.5 1 1"]));
+    folder.file("a.obj", square(0, 0));
+    folder.file("b.obj", "v 0 0 0\nf 1 2 3\n");
+    for (words, code, parts) in [
+        ("--mesh none.stl", 3, vec!["none.stl", "No such file"]),
+        ("--mesh a.dump", 3, vec!["this is no mesh that is known (a.dump)", "STL, OBJ or PLY"]),
+        ("--mesh b.obj", 3, vec!["line 2", "'2' is none of the 1 corners before it"]),
+        (
+            "--mesh a.obj --mesh-color red --mesh-color blue",
+            2,
+            vec!["--mesh-color cannot be '2 colors'", "1 mesh"],
+        ),
+        ("--mesh a.obj --mesh-color redd", 2, vec!["did you mean 'red'"]),
+        ("--mesh a.obj --culling confidence", 2, vec!["--culling", "off or certified with --mesh"]),
+        ("--mesh a.obj --device gpu", 2, vec!["--device cannot be 'gpu'", "auto or cpu with --mesh"]),
+        ("--mesh a.obj --panorama", 2, vec!["--panorama draws spheres alone — leave out --mesh"]),
+        ("--mesh a.obj --mode medium", 2, vec!["--mesh is for spheres"]),
+        ("--mesh a.obj --mode project", 2, vec!["--mesh is for spheres"]),
+        ("--mesh-color red", 2, vec!["--mesh"]),
+    ] {
+        folder.render(&format!("a.dump -o a.png {words}")).fails(code, &parts);
+    }
+    assert!(!folder.path("a.png").exists());
+}
