@@ -101,7 +101,7 @@ impl Settings {
             Culling::Confidence(_) if replicated || has_shapes => Err(Error::setting(
                 "culling",
                 "confidence",
-                "off or certified with bonds, meshes or periodic images",
+                "off or certified with shapes beside spheres or periodic images",
             )),
             Culling::Certified(options) if replicated && options.coverage => {
                 Err(Error::setting("certified", "coverage", "without coverage with periodic images"))
@@ -123,7 +123,7 @@ impl Settings {
             Culling::Certified(options) if options.coverage => {
                 refused("certified", "coverage", "without coverage in a panorama")
             }
-            _ if scene.shapes().is_some() => refused("panorama", "bonds or meshes", "spheres alone"),
+            _ if scene.shapes().is_some() => refused("panorama", "shapes beside spheres", "spheres alone"),
             _ if matches!(scene.lighting, Lighting::Paths(Paths { lens: Some(_), .. })) => {
                 refused("--aperture", "given", "left out of a panorama, which has no lens")
             }

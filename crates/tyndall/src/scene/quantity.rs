@@ -213,6 +213,23 @@ fn scalars<'a>(particles: &'a Particles, name: &str) -> Option<Vec<&'a Attribute
     })
 }
 
+/// The names of all vectors of two or three numbers.
+pub(super) fn vectors(particles: &Particles) -> Vec<String> {
+    let mut names: Vec<String> = Vec::new();
+    for attribute in particles.attributes() {
+        let own = (2..=3).contains(&attribute.components).then_some(attribute.name.as_str());
+        let stem =
+            || stems(&attribute.name).map(|(stem, _)| stem).find(|stem| scalars(particles, stem).is_some());
+        let is_scalar = attribute.components == 1;
+        if let Some(name) = own.or_else(|| stem().filter(|_| is_scalar))
+            && !names.iter().any(|known| known == name)
+        {
+            names.push(name.into());
+        }
+    }
+    names
+}
+
 /// The name, and if it is one of a velocity, its other names.
 fn spellings(name: &str) -> impl Iterator<Item = &str> {
     let velocity = VELOCITIES.iter().any(|known| known.eq_ignore_ascii_case(name));

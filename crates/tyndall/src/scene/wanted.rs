@@ -8,9 +8,9 @@ use super::color::is_geometry;
 use super::coloring::Coloring;
 use super::expression::Tree;
 use super::kinds::TYPE_NAMES;
-use super::quantity::{Quantity, named, written};
+use super::quantity::{Component, Quantity, named, written};
 use super::select::Filter;
-use super::{element, rgb};
+use super::{element, ellipsoids, rgb};
 use crate::particles::{Attribute, Columns, Particles, Values, is_radius};
 
 /// What a picture is made of.
@@ -24,6 +24,8 @@ pub struct Wanted {
     pub quantities: Vec<String>,
     /// Whether radii are those of the elements where the file has none.
     pub radii: bool,
+    /// Vectors that are drawn.
+    pub vectors: Vec<String>,
 }
 
 /// An attribute that a file has.
@@ -75,6 +77,13 @@ impl Wanted {
         for text in self.filters.iter().map(Filter::quantity).chain(quantities) {
             found &= flag_text(&mut flags, offered, &empty, text);
         }
+        for name in &self.vectors {
+            let mut flag_axis =
+                |axis| flag_text(&mut flags, offered, &empty, &written(name, Some(Component::Index(axis))));
+            // All three are flagged; in the plane there are two.
+            found &= [0, 1, 2].map(&mut flag_axis)[..2] == [true; 2];
+        }
+        flag(&mut flags, offered, ellipsoids::is_named);
         if found { flags } else { vec![true; offered.len()] }
     }
 }
@@ -134,6 +143,7 @@ mod tests {
             filters: filters.iter().map(|it| it.parse().unwrap()).collect(),
             quantities: Vec::new(),
             radii: true,
+            vectors: Vec::new(),
         };
         let flags = wanted.flags(&offered);
         offered.iter().zip(flags).filter(|it| it.1).map(|it| it.0.name).collect::<Vec<_>>().join(" ")

@@ -125,7 +125,7 @@ impl<'a> Content<'a> {
     /// Fails with [`Error::Setting`] if the structure is none that the card walks.
     fn of(scene: &'a Scene) -> Result<Self> {
         if scene.shapes().is_some() {
-            let allowed = "left out on the GPU; --device cpu draws bonds and meshes";
+            let allowed = "left out on the GPU; --device cpu draws them";
             return Err(Error::setting("shapes beside spheres", "drawn", allowed));
         }
         if scene.structure().replicas().is_some() {

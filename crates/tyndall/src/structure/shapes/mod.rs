@@ -1,9 +1,11 @@
-//! Exact shapes beside the particles: cylinders of bonds, triangles of meshes.
+//! Exact shapes beside the particles: cylinders of bonds, triangles of meshes, cylinders and cones of arrows, ellipsoids.
 //!
 //! They stand in a hierarchy of their own, over balls around them or around parts of them, and are asked after the particles. A shape has two
 //! nodes behind those of the particles: bonds have two halves, which belong to the particles that they join.
 
+mod cone;
 mod cylinder;
+mod ellipsoid;
 mod mesh;
 pub(crate) mod number;
 #[cfg(test)]
@@ -18,7 +20,10 @@ use super::search::{Search, Within};
 use crate::error::{Error, Result};
 use crate::math::{Bounds, Ray};
 use crate::structure::build::Record;
+use cone::Cone;
 use cylinder::Cylinder;
+pub use ellipsoid::Ellipsoid;
+use ellipsoid::Stretched;
 pub use mesh::Mesh;
 use number::{Entry, Line, Number};
 use triangle::Triangle;
@@ -34,10 +39,40 @@ pub struct Segment {
     pub ends: [u32; 2],
 }
 
+/// An arrow of a particle.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Arrow {
+    /// Where it starts, as an offset from the particles' origin.
+    pub from: Vec3,
+    /// From there to its tip.
+    pub vector: Vec3,
+    /// The id of the particle.
+    pub particle: u32,
+}
+
+/// The length of an arrow's tip over the radius of its shaft; a short arrow is half tip, and thinner.
+const TIP_LENGTH: f32 = 5.0;
+/// The radius of a tip over its length.
+const TIP_RADIUS: f32 = 0.45;
+
+impl Arrow {
+    /// Its shaft and its tip; none if it has no length.
+    fn parts(&self, radius: f32) -> Option<[Shape; 2]> {
+        let (length, to) = (self.vector.length(), self.from + self.vector);
+        let axis = self.vector.try_normalize()?;
+        let height = (TIP_LENGTH * radius).min(0.5 * length);
+        let shaft = Cylinder::between([self.from, to - height * axis], height / TIP_LENGTH)?;
+        let tip = Cone { tip: to, axis, height, radius: TIP_RADIUS * height };
+        Some([Shape::Cylinder(shaft), Shape::Cone(tip)])
+    }
+}
+
 /// A shape, as offsets from the particles' origin.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Shape {
     Cylinder(Cylinder),
+    Cone(Cone),
+    Ellipsoid(Stretched),
     Triangle(Triangle),
 }
 
@@ -54,6 +89,8 @@ impl Shape {
     pub(crate) fn enter<R: Number>(&self, line: &Line<R>) -> Entry<R> {
         match self {
             Self::Cylinder(cylinder) => cylinder.enter(line),
+            Self::Cone(cone) => cone.enter(line),
+            Self::Ellipsoid(ellipsoid) => ellipsoid.enter(line),
             Self::Triangle(triangle) => triangle.enter(line),
         }
     }
@@ -62,6 +99,8 @@ impl Shape {
     pub(crate) fn surface(&self, point: Vec3, direction: Vec3) -> (Vec3, Vec3) {
         match self {
             Self::Cylinder(cylinder) => cylinder.surface(point, direction),
+            Self::Cone(cone) => cone.surface(point, direction),
+            Self::Ellipsoid(ellipsoid) => ellipsoid.surface(point, direction),
             Self::Triangle(triangle) => triangle.surface(point, direction),
         }
     }
@@ -76,7 +115,7 @@ impl Shape {
 /// What a shape belongs to, and has its color from.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Owner {
-    /// Its halves belong to the particles at these nodes.
+    /// Particles: its halves belong to those at these nodes.
     Particles([u32; 2]),
     /// A mesh, by its number.
     Mesh(u32),
@@ -129,6 +168,42 @@ impl Shapes {
         self.check(structure, "--bonds")
     }
 
+    /// Adds arrows of particles of `structure`, whose shafts have that radius; what has no length is left out.
+    ///
+    /// Fails with [`Error::Setting`] if the radius is not a number above 0, or there are too many.
+    pub(crate) fn add_arrows(&mut self, structure: &Structure, arrows: &[Arrow], radius: f32) -> Result<()> {
+        if !(radius > 0.0 && radius.is_finite()) {
+            return Err(Error::setting("--arrow-radius", radius, "a number above 0"));
+        }
+        let nodes = nodes_by_id(structure);
+        for arrow in arrows {
+            if let (Some(parts), Some(&node)) = (arrow.parts(radius), nodes.get(arrow.particle as usize)) {
+                self.shapes.extend(parts);
+                self.owners.extend([Owner::Particles([node; 2]); 2]);
+            }
+        }
+        self.check(structure, "--arrows")
+    }
+
+    /// Adds ellipsoids in place of particles of `structure`.
+    ///
+    /// Fails with [`Error::Setting`] if a half axis is not a number above 0, or there are too many.
+    pub(crate) fn add_ellipsoids(&mut self, structure: &Structure, ellipsoids: &[Ellipsoid]) -> Result<()> {
+        let is_wrong = |it: &&Ellipsoid| !(it.half_axes.is_finite() && it.half_axes.min_element() > 0.0);
+        if let Some(Ellipsoid { half_axes, .. }) = ellipsoids.iter().find(is_wrong) {
+            return Err(Error::setting("--ellipsoids", half_axes, "numbers above 0"));
+        }
+        let nodes = nodes_by_id(structure);
+        for ellipsoid in ellipsoids {
+            if let Some(&node) = nodes.get(ellipsoid.particle as usize) {
+                let (center, _) = structure.own_sphere(node);
+                self.shapes.push(Shape::Ellipsoid(Stretched::new(center, ellipsoid)));
+                self.owners.push(Owner::Particles([node; 2]));
+            }
+        }
+        self.check(structure, "--ellipsoids")
+    }
+
     /// Adds a mesh of a color, linear RGB; triangles without area are left out.
     ///
     /// Fails with [`Error::Setting`] if there are too many.
@@ -155,7 +230,7 @@ impl Shapes {
         }
         let areas = self.shapes.iter().filter_map(|shape| match shape {
             Shape::Triangle(triangle) => Some(f64::from(triangle.area())),
-            Shape::Cylinder(_) => None,
+            _ => None,
         });
         let (count, area) = areas.fold((0.0, 0.0), |(count, sum), area| (count + 1.0, sum + area));
         // About as many balls as triangles, and a thousand more, so that a wall of two triangles is not a single ball.
@@ -181,6 +256,8 @@ impl Shapes {
             match shape {
                 _ if !is_shown => {}
                 Shape::Cylinder(cylinder) => add(cylinder.ball()),
+                Shape::Cone(cone) => add(cone.ball()),
+                Shape::Ellipsoid(ellipsoid) => add(ellipsoid.ball()),
                 Shape::Triangle(triangle) => triangle.balls(self.mesh_ball, depth, &mut add),
             }
         }

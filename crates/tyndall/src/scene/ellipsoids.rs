@@ -1,0 +1,230 @@
+//! Which particles are ellipsoids, by attributes of their half axes and how they are turned.
+//!
+//! Sources: LAMMPS, `compute property/atom`: `shapex` to `shapez` are diameters, `quatw` to `quatk` the quaternion, which turns from the body to the
+//! space; OVITO reads dumps of them as `c_shape` and `c_orient`, the latter with w last.
+
+use std::str::FromStr;
+
+use glam::{DQuat, DVec3};
+use rayon::prelude::*;
+
+use super::quantity::{Component, Quantity, vectors};
+use super::statistics::{grouped, quantiles, sampled_ids, short};
+use crate::error::{Error, Result};
+use crate::names::nearest;
+use crate::particles::{Attribute, Particles, Radii};
+use crate::structure::shapes::Ellipsoid;
+
+/// What says which particles are ellipsoids.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub enum Shaping {
+    /// The attributes that LAMMPS has for them, if they are there.
+    #[default]
+    Auto,
+    /// Nothing: all are spheres.
+    Spheres,
+    /// A vector attribute of half axes, and one of quaternions, w first.
+    Given {
+        /// Half axes along x, y and z before the particle is turned.
+        half_axes: String,
+        /// How it is turned; without it, it is not.
+        turn: Option<String>,
+    },
+}
+
+impl FromStr for Shaping {
+    type Err = Error;
+
+    fn from_str(text: &str) -> Result<Self> {
+        let names: Vec<&str> = text.split(',').map(str::trim).collect();
+        match names[..] {
+            ["auto"] => Ok(Self::Auto),
+            ["none"] => Ok(Self::Spheres),
+            [axes] if !axes.is_empty() => Ok(Self::Given { half_axes: axes.into(), turn: None }),
+            [axes, turn] if !axes.is_empty() && !turn.is_empty() => {
+                Ok(Self::Given { half_axes: axes.into(), turn: Some(turn.into()) })
+            }
+            _ => Err(Error::setting("--ellipsoids", text, "auto, none, HALF_AXES or HALF_AXES,QUATERNION")),
+        }
+    }
+}
+
+/// Ellipsoids to be drawn in place of all spheres: what has no half axes is one with those of its sphere.
+#[derive(Clone, Debug)]
+pub struct Ellipsoids {
+    /// One for each particle.
+    pub ellipsoids: Vec<Ellipsoid>,
+    /// How far most of them reach, for a camera that frames them.
+    pub reach: f32,
+    /// How they were found, in one line.
+    pub description: String,
+}
+
+/// What LAMMPS calls diameters.
+const SHAPES: [[&str; 3]; 2] = [["shapex", "shapey", "shapez"], ["c_shape[1]", "c_shape[2]", "c_shape[3]"]];
+/// What it calls quaternions, here with w first.
+const TURNS: [[&str; 4]; 3] = [
+    ["quatw", "quati", "quatj", "quatk"],
+    ["c_quat[1]", "c_quat[2]", "c_quat[3]", "c_quat[4]"],
+    ["c_orient[4]", "c_orient[1]", "c_orient[2]", "c_orient[3]"],
+];
+/// No half axis is a smaller share of the longest: flatter ones would be lost to rounding.
+const FLATTEST: f64 = 1e-3;
+/// Ellipsoids that are looked at for how far they reach.
+const SAMPLES: usize = 10_000;
+
+/// Whether an attribute of that name may be looked at.
+pub(super) fn is_named(name: &str) -> bool {
+    SHAPES.iter().flatten().chain(TURNS.iter().flatten()).any(|known| *known == name)
+}
+
+/// Finds ellipsoids; without any half axes there are none. All are scaled by `scale`, as radii are.
+///
+/// Fails with [`Error::Setting`] if an attribute is asked for that is not there.
+pub fn find(
+    particles: &Particles,
+    shaping: &Shaping,
+    (radii, scale): (&Radii, f32),
+) -> Result<Option<Ellipsoids>> {
+    let (half_axes, turn, factor, by): (Vec<Column>, Vec<Column>, f64, String) = match shaping {
+        Shaping::Spheres => return Ok(None),
+        Shaping::Auto => {
+            let Some(axes) = SHAPES.iter().find_map(|names| scalars(particles, names)) else {
+                return Ok(None);
+            };
+            let turn = TURNS.iter().find_map(|names| scalars(particles, names)).unwrap_or_default();
+            let by = axes.iter().chain(turn.first()).map(|it| it.name.as_str()).collect::<Vec<_>>().join(" ");
+            (own(axes), own(turn), 0.5, format!("diameters {by}"))
+        }
+        Shaping::Given { half_axes, turn } => {
+            let by = turn.as_ref().map_or(String::new(), |turn| format!(" turned by {turn}"));
+            let axes = vector(particles, half_axes, 3)?;
+            let turn = turn.as_ref().map_or(Ok(Vec::new()), |turn| vector(particles, turn, 4))?;
+            (axes, turn, 1.0, format!("half axes {half_axes}{by}"))
+        }
+    };
+    let factor = factor * f64::from(scale);
+    let ellipsoid = |id: usize| {
+        let number = |columns: &[Column], place: usize| columns.get(place).map_or(0.0, |it| it.value(id));
+        let axes = factor * DVec3::from([0, 1, 2].map(|place| number(&half_axes, place)));
+        let is_shaped = axes.is_finite() && axes.min_element() >= 0.0 && axes.max_element() > 0.0;
+        let axes = match is_shaped {
+            true => axes.max(DVec3::splat(FLATTEST * axes.max_element())),
+            false => DVec3::splat(f64::from(particles.radius(radii, id) * scale)),
+        };
+        let [w, x, y, z] = [0, 1, 2, 3].map(|place| number(&turn, place));
+        let turn = DQuat::from_xyzw(x, y, z, w);
+        let is_turned = turn.is_finite() && turn.length() > 1e-9;
+        let turn = if is_turned { turn.normalize() } else { DQuat::IDENTITY };
+        (Ellipsoid { particle: id as u32, half_axes: axes, turn }, is_shaped)
+    };
+    let found: Vec<(Ellipsoid, bool)> = (0..particles.len()).into_par_iter().map(ellipsoid).collect();
+    let shaped = found.iter().filter(|(_, is_shaped)| *is_shaped).count();
+    if shaped == 0 && *shaping == Shaping::Auto {
+        return Ok(None);
+    }
+    let mut description = format!("{} ellipsoids by {by}", grouped(shaped));
+    if shaped < found.len() {
+        description += &format!(", {} spheres", grouped(found.len() - shaped));
+    }
+    let ellipsoids: Vec<Ellipsoid> = found.into_iter().map(|(ellipsoid, _)| ellipsoid).collect();
+    let mut reaches: Vec<f64> =
+        sampled_ids(ellipsoids.len(), SAMPLES).map(|id| ellipsoids[id].half_axes.max_element()).collect();
+    let reach = quantiles(&mut reaches, [0.99]).map_or(0.0, |[reach]| reach);
+    description += &format!(", up to {} from the center", short(reach));
+    Ok(Some(Ellipsoids { ellipsoids, reach: reach as f32, description }))
+}
+
+/// Numbers of the particles.
+enum Column<'a> {
+    Own(&'a Attribute),
+    Part(Quantity<'a>),
+}
+
+impl Column<'_> {
+    fn value(&self, id: usize) -> f64 {
+        match self {
+            Self::Own(attribute) => attribute.number(id, 0),
+            Self::Part(quantity) => quantity.value(id),
+        }
+    }
+}
+
+/// The attributes of these names, of a number a particle each.
+fn scalars<'a>(particles: &'a Particles, names: &[&str]) -> Option<Vec<&'a Attribute>> {
+    names.iter().map(|name| particles.attribute(name).filter(|it| it.components == 1)).collect()
+}
+
+fn own(attributes: Vec<&Attribute>) -> Vec<Column<'_>> {
+    attributes.into_iter().map(Column::Own).collect()
+}
+
+/// The components of a vector.
+fn vector<'a>(particles: &'a Particles, name: &str, count: usize) -> Result<Vec<Column<'a>>> {
+    let own = particles.attribute(name).filter(|it| it.components == count);
+    let part = |place| Quantity::of_name(particles, name, Some(Component::Index(place))).map(Column::Part);
+    let found = (0..count).map(|place| if own.is_some() || count == 3 { part(place) } else { None });
+    found.collect::<Option<Vec<_>>>().ok_or_else(|| {
+        let all = vectors(particles);
+        let meant = nearest(name, all.iter().map(String::as_str));
+        let meant = meant.map_or(String::new(), |meant| format!("; did you mean '{meant}'?"));
+        Error::setting("--ellipsoids", name, format!("an attribute of {count} numbers a particle{meant}"))
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::particles::{Columns, Positions, Values};
+
+    fn particles(names: &[(&str, [f32; 2])]) -> Particles {
+        let mut positions = Positions::around(DVec3::ZERO);
+        positions.extend(&[DVec3::ZERO, DVec3::X * 5.0]);
+        let attributes =
+            names.iter().map(|(name, values)| Attribute::new(*name, 1, Values::F32(values.to_vec())));
+        Particles::new(Columns { positions, attributes: attributes.collect(), ..Columns::default() }).unwrap()
+    }
+
+    #[test]
+    fn diameters_and_quaternions_of_lammps_are_found() {
+        let half = std::f32::consts::FRAC_1_SQRT_2;
+        let particles = particles(&[
+            ("shapex", [4.0, 0.0]),
+            ("shapey", [2.0, 0.0]),
+            ("shapez", [1.0, 0.0]),
+            ("quatw", [half, 1.0]),
+            ("quati", [0.0, 0.0]),
+            ("quatj", [0.0, 0.0]),
+            ("quatk", [half, 0.0]),
+        ]);
+        let found = find(&particles, &Shaping::Auto, (&Radii::Uniform(0.25), 2.0)).unwrap().unwrap();
+        assert_eq!(
+            found.description,
+            "1 ellipsoids by diameters shapex shapey shapez quatw, 1 spheres, up to 4 from the center"
+        );
+        let [one, other] = found.ellipsoids[..] else { panic!("two") };
+        assert_eq!((one.half_axes, one.particle), (DVec3::new(4.0, 2.0, 1.0), 0));
+        assert!((one.turn * DVec3::X).abs_diff_eq(DVec3::Y, 1e-6), "turned by a quarter about z");
+        assert_eq!((other.half_axes, other.turn), (DVec3::splat(0.5), DQuat::IDENTITY));
+        assert!(find(&particles, &Shaping::Spheres, (&Radii::Uniform(1.0), 1.0)).unwrap().is_none());
+    }
+
+    #[test]
+    fn attributes_are_named_or_refused() {
+        let particles = particles(&[("ax", [1.0, 2.0]), ("ay", [1.0, 1.0]), ("az", [0.0, 1.0])]);
+        let all = (&Radii::Uniform(1.0), 1.0);
+        assert!(find(&particles, &Shaping::Auto, all).unwrap().is_none());
+        let found = find(&particles, &"a".parse().unwrap(), all).unwrap().unwrap();
+        assert_eq!(found.ellipsoids[0].half_axes, DVec3::new(1.0, 1.0, 1e-3), "flat, but not lost");
+        let said = |text: &str| find(&particles, &text.parse().unwrap(), all).unwrap_err().to_string();
+        assert!(said("aa").contains("3 numbers a particle; did you mean 'a'?"), "{}", said("aa"));
+        assert!(
+            said("a,q").contains("--ellipsoids cannot be 'q' — an attribute of 4 numbers"),
+            "{}",
+            said("a,q")
+        );
+        for bad in ["", "a,b,c", "a,", ",b"] {
+            assert!(bad.parse::<Shaping>().is_err(), "{bad}");
+        }
+    }
+}

@@ -1,0 +1,84 @@
+//! Ellipsoids: unit spheres behind a linear map.
+
+use glam::{DQuat, DVec3, Vec3};
+
+use super::Ball;
+use super::number::{Entry, Line, Number, Vector};
+
+/// The shape of a particle that is an ellipsoid around its center.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Ellipsoid {
+    /// The id of the particle.
+    pub particle: u32,
+    /// Half axes along x, y and z before it is turned, above 0.
+    pub half_axes: DVec3,
+    /// How it is turned; of length 1.
+    pub turn: DQuat,
+}
+
+/// An ellipsoid by its center, the rows of the map that makes a unit sphere of it, and its longest half axis.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Stretched {
+    pub(crate) center: Vec3,
+    pub(crate) rows: [Vec3; 3],
+    pub(crate) longest: f32,
+}
+
+impl Stretched {
+    pub(super) fn new(center: Vec3, ellipsoid: &Ellipsoid) -> Self {
+        let Ellipsoid { half_axes, turn, .. } = *ellipsoid;
+        let row = |axis: DVec3| (turn * axis / half_axes.dot(axis)).as_vec3();
+        Self {
+            center,
+            rows: [DVec3::X, DVec3::Y, DVec3::Z].map(row),
+            longest: half_axes.max_element() as f32,
+        }
+    }
+
+    /// The ball around it.
+    pub(super) fn ball(&self) -> Ball {
+        Ball { center: self.center, radius: 1.000_01 * self.longest }
+    }
+
+    /// Where rays enter it: where they enter the unit sphere, along themselves.
+    #[inline(always)]
+    pub(super) fn enter<R: Number>(&self, line: &Line<R>) -> Entry<R> {
+        let one = line.direction.x.like(1.0);
+        let zero = one.like(0.0);
+        let to_center = Vector::of(one, self.center) - line.origin;
+        let closest = to_center.dot(line.direction);
+        // From the center to the point of the ray that is nearest to it: what is mapped is small.
+        let start = line.direction * closest - to_center;
+        let [x, y, z] = self.rows;
+        let (x, y, z) = (Vector::of(one, x), Vector::of(one, y), Vector::of(one, z));
+        let from = Vector { x: x.dot(start), y: y.dot(start), z: z.dot(start) };
+        let speed = Vector { x: x.dot(line.direction), y: y.dot(line.direction), z: z.dot(line.direction) };
+        let speed_sq = speed.dot(speed);
+        let nearest = -from.dot(speed) / speed_sq;
+        let off = from + speed * nearest;
+        let half_chord_sq = (one - off.dot(off)) / speed_sq;
+        let half_chord = half_chord_sq.greater(zero).root();
+        let never = zero.less(zero);
+        Entry { t: closest + (nearest - half_chord), is_second: never, meets: zero.less(half_chord_sq) }
+    }
+
+    /// Place and normal of the surface near a point.
+    pub(super) fn surface(&self, point: Vec3, direction: Vec3) -> (Vec3, Vec3) {
+        let off = point - self.center;
+        let mapped = Vec3::from(self.rows.map(|row| row.dot(off)));
+        let [x, y, z] = self.rows;
+        let normal = (mapped.x * x + mapped.y * y + mapped.z * z).normalize_or(-direction);
+        (self.center + off / mapped.length().max(f32::MIN_POSITIVE), normal)
+    }
+}
+
+#[cfg(test)]
+impl Stretched {
+    /// By how much in f64 a point lies within it, at most: negative outside.
+    pub(super) fn depth(&self, point: DVec3) -> f64 {
+        let off = point - self.center.as_dvec3();
+        let mapped = DVec3::from(self.rows.map(|row| row.as_dvec3().dot(off)));
+        let steepest = self.rows.map(|row| row.as_dvec3().length()).into_iter().fold(0.0, f64::max);
+        (1.0 - mapped.length()) / steepest
+    }
+}
