@@ -195,7 +195,7 @@ impl Job<'_> {
         let others = [
             ("--replicate", look.images().is_some()),
             ("--bonds", look.bonds.is_some()),
-            ("--mesh", self.args.shapes.name().is_some()),
+            (self.args.shapes.name().unwrap_or_default(), self.args.shapes.name().is_some()),
             ("--aperture", look.aperture.is_some()),
             ("--bounces", look.bounces.is_some()),
             ("--noise", self.args.medium.noise.is_some()),

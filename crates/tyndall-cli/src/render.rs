@@ -70,6 +70,7 @@ pub(crate) fn run(args: &args::Render, report: &Report) -> Outcome<()> {
         filters: args.selection.all_filters(),
         quantities: args.look.opacity.iter().cloned().collect(),
         radii: args.look.radius.is_none() || args.look.bonds.is_some(),
+        vectors: args.shapes.vectors(),
     };
     let sequence = input::open(&args.input, Some(wanted), report)?;
     let pictures = plan::pictures(args, &job.pattern, &Numbers::of(&args.input, sequence.len()), report)?;
@@ -274,8 +275,9 @@ impl<'a> Job<'a> {
 
     /// The frame as parts, if it has to be read in parts and can be.
     fn parts(&self, sequence: &Sequence, number: usize) -> Option<Parts> {
-        // Particles that are put elsewhere or bonded are all needed at once.
-        if input::placement(&self.args.input) != Placement::AsStored || self.args.look.bonds.is_some() {
+        // Particles that are put elsewhere, bonded or drawn as other shapes are all needed at once.
+        let needs_all = self.args.look.bonds.is_some() || self.args.shapes.are_of_particles();
+        if needs_all || input::placement(&self.args.input) != Placement::AsStored {
             return None;
         }
         // What is wrong with the file is said when it is read.
@@ -399,6 +401,7 @@ impl<'a> Job<'a> {
         let bonded =
             look.bonds.map(|which| bonding::find(&particles, which, look.bond_radius)).transpose()?;
         let opacities = look.opacity.as_deref().map(|text| opacities(&particles, text)).transpose()?;
+        let arrows = self.args.shapes.arrows(spheres)?;
         let selection = Found::of(&self.args.selection, &particles)?;
         let numbers = match (self.layers.contains(&Layer::Value), &parts) {
             (true, None) => Some(layers::Numbers::of(&particles, &look.color)?),
@@ -411,13 +414,14 @@ impl<'a> Job<'a> {
         };
         let mut guesses = self.guesses(&conventions, count, &radius_text, &colors, &framing_text);
         guesses.extend(bonded.iter().map(|bonded| bonded.description.clone()));
+        guesses.extend(arrows.iter().map(|arrows| arrows.description.clone()));
         guesses.extend(self.meshes.description());
         if is_first {
             self.report.note(format_args!("tyndall: {}", guesses.join(" · ")));
             let Settings { width, height, .. } = self.settings;
             let view = camera.view(particles.positions().origin(), width, height)?;
             let sample = opened.as_ref().map_or(spheres, |opened| opened.spheres(spheres.radius_scale));
-            if let Some(warning) = too_small(sample, &view) {
+            if let Some(warning) = too_small(sample, &view).filter(|_| !self.args.shapes.arrows_only) {
                 self.report.warn(&warning);
             }
             if look.bonds.is_some() && look.radius.is_none() && look.radius_scale == 1.0 {
@@ -446,7 +450,7 @@ impl<'a> Job<'a> {
         let [time_unit, length_unit] = units.each_ref().map(Option::as_deref);
         let cell = particles.cell().copied();
         let (legend, color_text) = (colors.legend.clone(), colors.description.clone());
-        let scale = self.args.look.radius_scale;
+        let scale = if self.args.shapes.arrows_only { 0.0 } else { self.args.look.radius_scale };
         let ((structure, dropped), held) = match (&parts, opened) {
             (Some(parts), _) => (self.stream(parts, &radii, &colors)?, Held::NONE),
             (None, Some(Opened { mut structure, .. })) => {
@@ -478,6 +482,9 @@ impl<'a> Job<'a> {
             scene.bond(&bonded.segments, bonded.radius)?;
         }
         scene.set_opacity(opacities.as_deref())?;
+        if let Some(arrows) = arrows.filter(|arrows| !arrows.arrows.is_empty()) {
+            scene.add_arrows(&arrows.arrows, arrows.radius)?;
+        }
         self.meshes.add_to(&mut scene)?;
         if let Some(text) = selection.hide_others(&mut scene)? {
             self.tell(is_first, &text);

@@ -1,15 +1,18 @@
-//! Shapes beside spheres, as the command line has them: meshes.
+//! Shapes beside spheres, as the command line has them: meshes and arrows.
 
 use std::path::PathBuf;
 
 use clap::Args;
+use tyndall::scene::arrows::{self, Arrows};
 use tyndall::scene::{Scene, coloring, grouped};
 use tyndall::srgb::linear_from_encoded;
+use tyndall::structure::Spheres;
 use tyndall::structure::shapes::Mesh;
 use tyndall::{Error, Result};
 use tyndall_io::read;
 
 use crate::report::counted;
+use crate::values::length;
 
 /// What is shown beside the particles.
 #[derive(Args)]
@@ -22,6 +25,19 @@ pub(crate) struct Shapes {
     /// Color of a mesh, #rrggbb or a color's name: one for all, or repeated, one for each [default: #b8b8b8]
     #[arg(long, value_name = "COLOR", value_parser = coloring::color, requires = "mesh")]
     mesh_color: Vec<[u8; 3]>,
+    /// An arrow of a vector attribute at each particle, from its center and in its color: a name such as v, of an attribute with two or three numbers or
+    /// of scalars like vx vy vz
+    #[arg(long, value_name = "NAME")]
+    arrows: Option<String>,
+    /// Length of an arrow over that of its vector [default: so that most are as long as 1.5 times the distance of neighbors, or 3 radii]
+    #[arg(long, value_name = "S", value_parser = length, allow_hyphen_values = true, requires = "arrows")]
+    arrow_scale: Option<f32>,
+    /// Radius of an arrow's shaft [default: 0.04 of the usual length]
+    #[arg(long, value_name = "R", value_parser = length, allow_hyphen_values = true, requires = "arrows")]
+    arrow_radius: Option<f32>,
+    /// Arrows without spheres
+    #[arg(long, requires = "arrows")]
+    pub(crate) arrows_only: bool,
 }
 
 /// The gray of walls, which leaves colors to the particles.
@@ -30,7 +46,26 @@ const MESH_COLOR: [u8; 3] = [0xb8; 3];
 impl Shapes {
     /// The flag that asks for a shape, if one does.
     pub(crate) fn name(&self) -> Option<&'static str> {
-        (!self.mesh.is_empty()).then_some("--mesh")
+        let arrows = self.arrows.as_ref().map(|_| "--arrows");
+        arrows.or((!self.mesh.is_empty()).then_some("--mesh"))
+    }
+
+    /// Whether shapes need the particles as a whole.
+    pub(crate) fn are_of_particles(&self) -> bool {
+        self.arrows.is_some()
+    }
+
+    /// Vectors that are drawn, by their names.
+    pub(crate) fn vectors(&self) -> Vec<String> {
+        self.arrows.iter().cloned().collect()
+    }
+
+    /// Finds the arrows that are wanted, of particles with these radii.
+    pub(crate) fn arrows(&self, spheres: Spheres) -> Result<Option<Arrows>> {
+        let Some(name) = self.arrows.clone() else { return Ok(None) };
+        let radius = if self.arrows_only { 0.0 } else { arrows::usual_radius(spheres) };
+        let options = arrows::Options { name, scale: self.arrow_scale, radius: self.arrow_radius };
+        arrows::find(spheres.particles, &options, radius).map(Some)
     }
 
     /// Reads the meshes.

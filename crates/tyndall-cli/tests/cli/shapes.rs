@@ -1,4 +1,4 @@
-//! Shapes beside spheres: meshes in pictures, in words, and refused where they cannot be.
+//! Shapes beside spheres: meshes and arrows in pictures, in words, and refused where they cannot be.
 
 use super::{Folder, dump, png};
 
@@ -50,7 +50,34 @@ fn meshes_stand_before_and_behind_particles() {
 }
 
 #[test]
-fn meshes_that_cannot_be_are_refused() {
+fn arrows_lead_out_of_particles_or_stand_alone() {
+    let folder = Folder::new();
+    let rows = ["1 1 -3 0 0 2 0 0", "2 1 3 0 0 0 -2 0", "3 1 0 3 0 0 0 0"];
+    folder.file("a.dump", dump("id type x y z vx vy vz", 4.0, &rows));
+    let said = folder
+        .render(&format!("a.dump -o a.png {VIEW} --arrows v --arrow-scale 1 --arrow-radius 0.2"))
+        .fine();
+    assert!(said.contains("2 arrows of v, 1 times as long, radius 0.2"), "{said}");
+    let (red, none) = ([255, 0, 0, 255], [0; 4]);
+    let at = |name: &str, x: i32, y: i32| color(&folder, name, [x, y]);
+    // Two units long: past the sphere, not on the other side.
+    assert_eq!(
+        [at("a.png", -2, 0), at("a.png", -4, 0), at("a.png", 3, -1), at("a.png", 3, 1)],
+        [red, none, red, none]
+    );
+    assert_eq!(at("a.png", 0, 3), red, "a particle at rest");
+    folder
+        .render(&format!(
+            "a.dump -o b.png {VIEW} --arrows v --arrow-scale 1 --arrow-radius 0.2 --arrows-only"
+        ))
+        .fine();
+    assert_eq!([at("b.png", -2, 0), at("b.png", 3, -1), at("b.png", 0, 3)], [red, red, none]);
+    let said = folder.render(&format!("a.dump -o c.png {VIEW} --arrows velocity")).fine();
+    assert!(said.contains("2 arrows of velocity"), "any name of a velocity: {said}");
+}
+
+#[test]
+fn shapes_that_cannot_be_are_refused() {
     let folder = Folder::new();
     folder.file("a.dump", dump("id type x y z", 4.0, &["1 1 0.5 1 1", "2 1 1.5 1 1"]));
     folder.file("a.obj", square(0, 0));
@@ -71,6 +98,10 @@ fn meshes_that_cannot_be_are_refused() {
         ("--mesh a.obj --mode medium", 2, vec!["--mesh is for spheres"]),
         ("--mesh a.obj --mode project", 2, vec!["--mesh is for spheres"]),
         ("--mesh-color red", 2, vec!["--mesh"]),
+        ("--arrows w", 2, vec!["--arrows cannot be 'w'", "the file has none"]),
+        ("--arrows v --arrow-scale -1", 2, vec!["a number greater than 0"]),
+        ("--arrows-only", 2, vec!["--arrows"]),
+        ("--arrows v --mode medium", 2, vec!["--arrows is for spheres"]),
     ] {
         folder.render(&format!("a.dump -o a.png {words}")).fails(code, &parts);
     }
