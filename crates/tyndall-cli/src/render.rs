@@ -15,6 +15,7 @@ use tyndall::scene::bonding;
 use tyndall::scene::camera::{Camera, VERTICAL_ANGLE};
 use tyndall::scene::color::{Key, Legend, ParticleColors, resolve};
 use tyndall::scene::coloring::{Mapping, Norm, Range};
+use tyndall::scene::ellipsoids::Ellipsoids;
 use tyndall::scene::guesses::{Guesses, Shown};
 use tyndall::scene::light::Lighting;
 use tyndall::scene::opacity::opacities;
@@ -388,8 +389,17 @@ impl<'a> Job<'a> {
         let guessing = Instant::now();
         let guesses = opened.as_ref().map(|opened| &opened.guesses);
         let (radii, radius_text) = self.radii(&particles, guesses, kept.as_ref());
-        let spheres =
-            Spheres { particles: &particles, radii: &radii, radius_scale: self.args.look.radius_scale };
+        let radius_scale = self.args.look.radius_scale;
+        let spheres = Spheres { particles: &particles, radii: &radii, radius_scale };
+        let ellipsoids = if parts.is_none() { self.ellipsoids(spheres, is_first)? } else { None };
+        // What frames ellipsoids are the spheres around most of them.
+        let around = ellipsoids.as_ref().map(|it| (Radii::Uniform(it.reach), it.description.clone()));
+        let (spheres, guesses, radius_text) = match &around {
+            Some((radii, text)) => {
+                (Spheres { radii, radius_scale: 1.0, ..spheres }, None, format!("{radius_text}; {text}"))
+            }
+            None => (spheres, guesses, radius_text),
+        };
         let images = self.args.look.images();
         let replicas = images.map(|images| Replicas::new(particles.cell(), images)).transpose()?;
         let (camera, outline, framing_text) = match kept.as_ref() {
@@ -421,7 +431,8 @@ impl<'a> Job<'a> {
             let Settings { width, height, .. } = self.settings;
             let view = camera.view(particles.positions().origin(), width, height)?;
             let sample = opened.as_ref().map_or(spheres, |opened| opened.spheres(spheres.radius_scale));
-            if let Some(warning) = too_small(sample, &view).filter(|_| !self.args.shapes.arrows_only) {
+            let has_spheres = ellipsoids.is_none() && !self.args.shapes.arrows_only;
+            if let Some(warning) = too_small(sample, &view).filter(|_| has_spheres) {
                 self.report.warn(&warning);
             }
             if look.bonds.is_some() && look.radius.is_none() && look.radius_scale == 1.0 {
@@ -450,7 +461,9 @@ impl<'a> Job<'a> {
         let [time_unit, length_unit] = units.each_ref().map(Option::as_deref);
         let cell = particles.cell().copied();
         let (legend, color_text) = (colors.legend.clone(), colors.description.clone());
-        let scale = if self.args.shapes.arrows_only { 0.0 } else { self.args.look.radius_scale };
+        // Where other shapes stand in their place, spheres are not seen.
+        let no_spheres = ellipsoids.is_some() || self.args.shapes.arrows_only;
+        let scale = if no_spheres { 0.0 } else { radius_scale };
         let ((structure, dropped), held) = match (&parts, opened) {
             (Some(parts), _) => (self.stream(parts, &radii, &colors)?, Held::NONE),
             (None, Some(Opened { mut structure, .. })) => {
@@ -482,6 +495,9 @@ impl<'a> Job<'a> {
             scene.bond(&bonded.segments, bonded.radius)?;
         }
         scene.set_opacity(opacities.as_deref())?;
+        if let Some(found) = &ellipsoids {
+            scene.add_ellipsoids(&found.ellipsoids)?;
+        }
         if let Some(arrows) = arrows.filter(|arrows| !arrows.arrows.is_empty()) {
             scene.add_arrows(&arrows.arrows, arrows.radius)?;
         }
@@ -551,6 +567,22 @@ impl<'a> Job<'a> {
             Ok(view) => Failure::Unseen(why_unseen(scene.structure(), dropped, &view)),
             Err(error) => error.into(),
         }
+    }
+
+    /// The ellipsoids of a frame. Where a picture is made that knows spheres alone, particles that only the file has as ellipsoids are spheres, which is
+    /// said.
+    fn ellipsoids(&self, spheres: Spheres, is_first: bool) -> Outcome<Option<Ellipsoids>> {
+        let found = self.args.shapes.ellipsoids(spheres)?;
+        let with = [
+            (self.args.camera.panorama, "--panorama"),
+            (matches!(self.settings.culling, Culling::Confidence(_)), "--culling confidence"),
+            (matches!(self.args.method.device, device::Choice::Gpu(_)), "--device gpu"),
+        ];
+        let refused = with.into_iter().find_map(|(is_so, name)| is_so.then_some(name));
+        if let (Some(_), Some(name)) = (&found, refused) {
+            self.tell(is_first, &format!("note: the file has ellipsoids, which are spheres with {name}"));
+        }
+        Ok(found.filter(|_| refused.is_none()))
     }
 
     /// Says what concerns a frame: of the first to all, of others to the curious.

@@ -1,9 +1,10 @@
-//! Shapes beside spheres, as the command line has them: meshes and arrows.
+//! Shapes beside spheres, as the command line has them: meshes, arrows and ellipsoids.
 
 use std::path::PathBuf;
 
 use clap::Args;
 use tyndall::scene::arrows::{self, Arrows};
+use tyndall::scene::ellipsoids::{self, Ellipsoids, Shaping};
 use tyndall::scene::{Scene, coloring, grouped};
 use tyndall::srgb::linear_from_encoded;
 use tyndall::structure::Spheres;
@@ -25,6 +26,10 @@ pub(crate) struct Shapes {
     /// Color of a mesh, #rrggbb or a color's name: one for all, or repeated, one for each [default: #b8b8b8]
     #[arg(long, value_name = "COLOR", value_parser = coloring::color, requires = "mesh")]
     mesh_color: Vec<[u8; 3]>,
+    /// Particles as ellipsoids: by shapex shapey shapez (diameters) and quatw quati quatj quatk of LAMMPS, if the file has them (auto); none for spheres; or by
+    /// attributes of three half axes, and of a quaternion, w first: HALF_AXES or HALF_AXES,QUATERNION
+    #[arg(long, value_name = "WHICH", default_value = "auto")]
+    ellipsoids: Shaping,
     /// An arrow of a vector attribute at each particle, from its center and in its color: a name such as v, of an attribute with two or three numbers or
     /// of scalars like vx vy vz
     #[arg(long, value_name = "NAME")]
@@ -47,17 +52,30 @@ impl Shapes {
     /// The flag that asks for a shape, if one does.
     pub(crate) fn name(&self) -> Option<&'static str> {
         let arrows = self.arrows.as_ref().map(|_| "--arrows");
-        arrows.or((!self.mesh.is_empty()).then_some("--mesh"))
+        let ellipsoids = matches!(self.ellipsoids, Shaping::Given { .. }).then_some("--ellipsoids");
+        arrows.or(ellipsoids).or((!self.mesh.is_empty()).then_some("--mesh"))
     }
 
     /// Whether shapes need the particles as a whole.
     pub(crate) fn are_of_particles(&self) -> bool {
-        self.arrows.is_some()
+        self.arrows.is_some() || matches!(self.ellipsoids, Shaping::Given { .. })
     }
 
     /// Vectors that are drawn, by their names.
     pub(crate) fn vectors(&self) -> Vec<String> {
-        self.arrows.iter().cloned().collect()
+        let of_ellipsoids = match &self.ellipsoids {
+            Shaping::Given { half_axes, turn } => [Some(half_axes), turn.as_ref()],
+            Shaping::Auto | Shaping::Spheres => [None, None],
+        };
+        self.arrows.iter().chain(of_ellipsoids.into_iter().flatten()).cloned().collect()
+    }
+
+    /// Finds the ellipsoids that are wanted, which would be these spheres otherwise.
+    pub(crate) fn ellipsoids(&self, spheres: Spheres) -> Result<Option<Ellipsoids>> {
+        if self.arrows_only {
+            return Ok(None);
+        }
+        ellipsoids::find(spheres, &self.ellipsoids)
     }
 
     /// Finds the arrows that are wanted, of particles with these radii.

@@ -1,4 +1,4 @@
-//! Shapes beside spheres: meshes and arrows in pictures, in words, and refused where they cannot be.
+//! Shapes beside spheres: meshes, arrows and ellipsoids in pictures, in words, and refused where they cannot be.
 
 use super::{Folder, dump, png};
 
@@ -77,6 +77,39 @@ fn arrows_lead_out_of_particles_or_stand_alone() {
 }
 
 #[test]
+fn particles_that_the_file_has_as_ellipsoids_are_ellipsoids() {
+    let folder = Folder::new();
+    // Long along x, the second turned by a quarter about z; the third has no shape.
+    let rows =
+        ["1 1 -3 0 0 4 1 1 1 0 0 0", "2 1 2 0 0 4 1 1 0.70710678 0 0 0.70710678", "3 1 0 3 0 0 0 0 1 0 0 0"];
+    let columns = "id type x y z shapex shapey shapez quatw quati quatj quatk";
+    folder.file("a.dump", dump(columns, 4.0, &rows));
+    let said = folder.render(&format!("a.dump -o a.png {VIEW}")).fine();
+    assert!(said.contains("2 ellipsoids by diameters shapex shapey shapez quatw, 1 sphere"), "{said}");
+    let (red, none) = ([255, 0, 0, 255], [0; 4]);
+    let seen = |name: &str| {
+        [[-4, 0], [-2, 0], [-3, 1], [2, 1], [2, -1], [3, 0], [0, 3]].map(|at| color(&folder, name, at))
+    };
+    assert_eq!(seen("a.png"), [red, red, none, red, red, none, red]);
+    for structure in ["pkd", "treelets"] {
+        folder.render(&format!("a.dump -o same.png {VIEW} --structure {structure}")).fine();
+        assert!(png(&folder.path("same.png")).0 == png(&folder.path("a.png")).0, "{structure}");
+    }
+    folder.render(&format!("a.dump -o s.png {VIEW} --ellipsoids none")).fine();
+    assert_eq!(seen("s.png"), [none, none, none, none, none, none, red]);
+    // The same by names: half axes of half the size, not turned.
+    let said = folder.render(&format!("a.dump -o h.png {VIEW} --ellipsoids shape --radius-scale 0.5")).fine();
+    assert!(said.contains("2 ellipsoids by half axes shape"), "{said}");
+    assert_eq!(seen("h.png")[..6], [red, red, none, none, none, red]);
+    // From a saved file, too; and spheres where nothing else is known.
+    folder.line("build a.dump -o a.tyn").fine();
+    folder.render(&format!("a.tyn -o t.png {VIEW}")).fine();
+    assert!(png(&folder.path("t.png")).0 == png(&folder.path("a.png")).0);
+    let said = folder.render("a.dump -o p.png --panorama").fine();
+    assert!(said.contains("note: the file has ellipsoids, which are spheres with --panorama"), "{said}");
+}
+
+#[test]
 fn shapes_that_cannot_be_are_refused() {
     let folder = Folder::new();
     folder.file("a.dump", dump("id type x y z", 4.0, &["1 1 0.5 1 1", "2 1 1.5 1 1"]));
@@ -101,6 +134,9 @@ fn shapes_that_cannot_be_are_refused() {
         ("--arrows w", 2, vec!["--arrows cannot be 'w'", "the file has none"]),
         ("--arrows v --arrow-scale -1", 2, vec!["a number greater than 0"]),
         ("--arrows-only", 2, vec!["--arrows"]),
+        ("--ellipsoids axes", 2, vec!["--ellipsoids cannot be 'axes'", "3 numbers a particle"]),
+        ("--ellipsoids a,b,c", 2, vec!["auto, none, HALF_AXES or HALF_AXES,QUATERNION"]),
+        ("--ellipsoids a --panorama", 2, vec!["leave out --ellipsoids"]),
         ("--arrows v --mode medium", 2, vec!["--arrows is for spheres"]),
     ] {
         folder.render(&format!("a.dump -o a.png {words}")).fails(code, &parts);

@@ -12,7 +12,8 @@ use super::quantity::{Component, Quantity, vectors};
 use super::statistics::{grouped, quantiles, sampled_ids, short};
 use crate::error::{Error, Result};
 use crate::names::nearest;
-use crate::particles::{Attribute, Particles, Radii};
+use crate::particles::{Attribute, Particles};
+use crate::structure::Spheres;
 use crate::structure::shapes::Ellipsoid;
 
 /// What says which particles are ellipsoids.
@@ -78,14 +79,11 @@ pub(super) fn is_named(name: &str) -> bool {
     SHAPES.iter().flatten().chain(TURNS.iter().flatten()).any(|known| *known == name)
 }
 
-/// Finds ellipsoids; without any half axes there are none. All are scaled by `scale`, as radii are.
+/// Finds ellipsoids, which would be these spheres otherwise; without any half axes there are none. All are scaled as radii are.
 ///
 /// Fails with [`Error::Setting`] if an attribute is asked for that is not there.
-pub fn find(
-    particles: &Particles,
-    shaping: &Shaping,
-    (radii, scale): (&Radii, f32),
-) -> Result<Option<Ellipsoids>> {
+pub fn find(spheres: Spheres, shaping: &Shaping) -> Result<Option<Ellipsoids>> {
+    let particles = spheres.particles;
     let (half_axes, turn, factor, by): (Vec<Column>, Vec<Column>, f64, String) = match shaping {
         Shaping::Spheres => return Ok(None),
         Shaping::Auto => {
@@ -103,14 +101,14 @@ pub fn find(
             (axes, turn, 1.0, format!("half axes {half_axes}{by}"))
         }
     };
-    let factor = factor * f64::from(scale);
+    let factor = factor * f64::from(spheres.radius_scale);
     let ellipsoid = |id: usize| {
         let number = |columns: &[Column], place: usize| columns.get(place).map_or(0.0, |it| it.value(id));
         let axes = factor * DVec3::from([0, 1, 2].map(|place| number(&half_axes, place)));
         let is_shaped = axes.is_finite() && axes.min_element() >= 0.0 && axes.max_element() > 0.0;
         let axes = match is_shaped {
             true => axes.max(DVec3::splat(FLATTEST * axes.max_element())),
-            false => DVec3::splat(f64::from(particles.radius(radii, id) * scale)),
+            false => DVec3::splat(f64::from(spheres.radius(id))),
         };
         let [w, x, y, z] = [0, 1, 2, 3].map(|place| number(&turn, place));
         let turn = DQuat::from_xyzw(x, y, z, w);
@@ -123,9 +121,12 @@ pub fn find(
     if shaped == 0 && *shaping == Shaping::Auto {
         return Ok(None);
     }
-    let mut description = format!("{} ellipsoids by {by}", grouped(shaped));
+    let many = |count: usize, thing: &str| {
+        format!("{} {thing}{}", grouped(count), if count == 1 { "" } else { "s" })
+    };
+    let mut description = format!("{} by {by}", many(shaped, "ellipsoid"));
     if shaped < found.len() {
-        description += &format!(", {} spheres", grouped(found.len() - shaped));
+        description += &format!(", {}", many(found.len() - shaped, "sphere"));
     }
     let ellipsoids: Vec<Ellipsoid> = found.into_iter().map(|(ellipsoid, _)| ellipsoid).collect();
     let mut reaches: Vec<f64> =
@@ -175,7 +176,7 @@ fn vector<'a>(particles: &'a Particles, name: &str, count: usize) -> Result<Vec<
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::particles::{Columns, Positions, Values};
+    use crate::particles::{Columns, Positions, Radii, Values};
 
     fn particles(names: &[(&str, [f32; 2])]) -> Particles {
         let mut positions = Positions::around(DVec3::ZERO);
@@ -197,26 +198,28 @@ mod tests {
             ("quatj", [0.0, 0.0]),
             ("quatk", [half, 0.0]),
         ]);
-        let found = find(&particles, &Shaping::Auto, (&Radii::Uniform(0.25), 2.0)).unwrap().unwrap();
+        let radii = Radii::Uniform(0.25);
+        let spheres = Spheres { particles: &particles, radii: &radii, radius_scale: 2.0 };
+        let found = find(spheres, &Shaping::Auto).unwrap().unwrap();
         assert_eq!(
             found.description,
-            "1 ellipsoids by diameters shapex shapey shapez quatw, 1 spheres, up to 4 from the center"
+            "1 ellipsoid by diameters shapex shapey shapez quatw, 1 sphere, up to 4 from the center"
         );
         let [one, other] = found.ellipsoids[..] else { panic!("two") };
         assert_eq!((one.half_axes, one.particle), (DVec3::new(4.0, 2.0, 1.0), 0));
         assert!((one.turn * DVec3::X).abs_diff_eq(DVec3::Y, 1e-6), "turned by a quarter about z");
         assert_eq!((other.half_axes, other.turn), (DVec3::splat(0.5), DQuat::IDENTITY));
-        assert!(find(&particles, &Shaping::Spheres, (&Radii::Uniform(1.0), 1.0)).unwrap().is_none());
+        assert!(find(spheres, &Shaping::Spheres).unwrap().is_none());
     }
 
     #[test]
     fn attributes_are_named_or_refused() {
         let particles = particles(&[("ax", [1.0, 2.0]), ("ay", [1.0, 1.0]), ("az", [0.0, 1.0])]);
-        let all = (&Radii::Uniform(1.0), 1.0);
-        assert!(find(&particles, &Shaping::Auto, all).unwrap().is_none());
-        let found = find(&particles, &"a".parse().unwrap(), all).unwrap().unwrap();
+        let spheres = Spheres { particles: &particles, radii: &Radii::Uniform(1.0), radius_scale: 1.0 };
+        assert!(find(spheres, &Shaping::Auto).unwrap().is_none());
+        let found = find(spheres, &"a".parse().unwrap()).unwrap().unwrap();
         assert_eq!(found.ellipsoids[0].half_axes, DVec3::new(1.0, 1.0, 1e-3), "flat, but not lost");
-        let said = |text: &str| find(&particles, &text.parse().unwrap(), all).unwrap_err().to_string();
+        let said = |text: &str| find(spheres, &text.parse().unwrap()).unwrap_err().to_string();
         assert!(said("aa").contains("3 numbers a particle; did you mean 'a'?"), "{}", said("aa"));
         assert!(
             said("a,q").contains("--ellipsoids cannot be 'q' — an attribute of 4 numbers"),
