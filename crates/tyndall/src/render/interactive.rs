@@ -112,7 +112,7 @@ impl Interactive {
     /// they are moved to another device. Fails as [`super::Renderer::new`] does.
     pub fn new(scene: Scene, camera: Camera, settings: Settings) -> Result<Self> {
         settings.check(&scene)?;
-        scene.check_opaque("where a scene is looked at while it changes")?;
+        scene.check_same("where a scene is looked at while it changes")?;
         let view = camera.view(scene.structure().origin(), settings.width, settings.height)?;
         settings.check_view(&scene, &view)?;
         Ok(Self {

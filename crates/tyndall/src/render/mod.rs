@@ -7,6 +7,7 @@
 pub mod certified;
 pub mod confidence;
 pub mod cpu;
+mod drawn;
 pub mod estimate;
 #[cfg(feature = "gpu")]
 pub mod gpu;
@@ -20,7 +21,6 @@ mod samples;
 mod sampling;
 mod shade;
 pub mod stereo;
-mod translucent;
 
 use std::slice;
 
@@ -31,10 +31,10 @@ use crate::scene::Scene;
 use crate::scene::camera::{Camera, View};
 use crate::scene::light::{Lighting, Paths};
 use cpu::Film;
+use drawn::Drawn;
 pub use interactive::Interactive;
 pub use samples::SampleBuffer;
 use sampling::{Nearness, PATTERN, Samples};
-use translucent::Drawn;
 
 /// The knobs of a picture.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -108,7 +108,7 @@ impl Settings {
             }
             Culling::Off | Culling::Certified(_) => Ok(()),
             Culling::Confidence(options) => {
-                scene.check_opaque("with --culling confidence")?;
+                scene.check_same("with --culling confidence")?;
                 options.check()
             }
         }
@@ -210,7 +210,7 @@ impl<'a> Renderer<'a> {
     fn next_pass(&mut self, done: u32) -> Option<cpu::Pass<'a>> {
         let Settings { samples, seed, culling, .. } = self.settings;
         let at_once = match culling {
-            _ if self.scene.is_translucent() => 1,
+            _ if self.scene.differs_by_sample() => 1,
             Culling::Off | Culling::Certified(_) => u32::MAX,
             Culling::Confidence(options) => options.frame_samples,
         };
@@ -222,7 +222,7 @@ impl<'a> Renderer<'a> {
 
     fn add(&mut self, passes: Vec<cpu::Pass>, progress: &dyn Progress) -> Result<()> {
         let done = passes.last().map(cpu::Pass::end);
-        if self.scene.is_translucent() {
+        if self.scene.differs_by_sample() {
             for pass in passes {
                 let Drawn { seen, secondary } = Drawn::new(self.scene, self.settings.seed, pass.end() - 1);
                 let pass = pass.through(&seen, secondary.as_ref().unwrap_or(&seen));
@@ -233,7 +233,7 @@ impl<'a> Renderer<'a> {
                 }
             }
         } else {
-            self.add_opaque(&passes, progress);
+            self.add_together(&passes, progress);
         }
         if let Some(done) = done {
             if !self.film.has(done) {
@@ -244,7 +244,7 @@ impl<'a> Renderer<'a> {
         if progress.cancelled() { Err(Error::Interrupted) } else { Ok(()) }
     }
 
-    fn add_opaque(&mut self, passes: &[cpu::Pass], progress: &dyn Progress) {
+    fn add_together(&mut self, passes: &[cpu::Pass], progress: &dyn Progress) {
         match &mut self.culling {
             None => cpu::for_each_tile(&mut self.film, passes, None, self.level, progress),
             // Each pass begins with what all pixels learned in the one before.

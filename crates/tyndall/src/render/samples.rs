@@ -75,7 +75,7 @@ impl SampleBuffer {
     }
 
     fn passes<'a>(&self, scene: &'a Scene, film: &mut Film) -> Result<Vec<cpu::Pass<'a>>> {
-        scene.check_opaque("where samples are kept")?;
+        scene.check_same("where samples are kept")?;
         let found = scene.nodes();
         if found != self.nodes {
             return Err(Error::setting("scene", found, "the particles that the samples met"));

@@ -4,11 +4,10 @@ use rayon::prelude::*;
 
 use glam::DVec3;
 
-use super::quantity::{Component, Quantity, vectors};
+use super::quantity::{Component, Quantity, no_vector};
 use super::spacing::median_spacing;
 use super::statistics::{grouped, quantiles, sampled_ids, short};
-use crate::error::{Error, Result};
-use crate::names::nearest;
+use crate::error::Result;
 use crate::particles::Particles;
 use crate::structure::Spheres;
 use crate::structure::shapes::Arrow;
@@ -57,7 +56,9 @@ pub fn usual_radius(spheres: Spheres) -> f64 {
 pub fn find(particles: &Particles, options: &Options, particle_radius: f64) -> Result<Arrows> {
     let Options { name, scale, radius } = options;
     let component = |place| Quantity::of_name(particles, name, Some(Component::Index(place)));
-    let [Some(x), Some(y), z] = [0, 1, 2].map(component) else { return Err(unknown(particles, name)) };
+    let [Some(x), Some(y), z] = [0, 1, 2].map(component) else {
+        return Err(no_vector(particles, "--arrows", name));
+    };
     let vector = |id: usize| DVec3::new(x.value(id), y.value(id), z.as_ref().map_or(0.0, |z| z.value(id)));
     let lengths = sampled_ids(particles.len(), SAMPLES).map(|id| vector(id).length());
     let mut lengths: Vec<f64> = lengths.filter(|it| it.is_finite() && *it > 0.0).collect();
@@ -86,17 +87,6 @@ pub fn find(particles: &Particles, options: &Options, particle_radius: f64) -> R
         }
     };
     Ok(Arrows { arrows, radius, description })
-}
-
-fn unknown(particles: &Particles, name: &str) -> Error {
-    let all = vectors(particles);
-    let there = match &all[..] {
-        [] => "the file has none".to_string(),
-        all => format!("the file has: {}", all.join(", ")),
-    };
-    let meant = nearest(name, all.iter().map(String::as_str));
-    let meant = meant.map_or(String::new(), |meant| format!("; did you mean '{meant}'?"));
-    Error::setting("--arrows", name, format!("a vector attribute — {there}{meant}"))
 }
 
 #[cfg(test)]

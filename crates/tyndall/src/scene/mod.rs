@@ -19,6 +19,7 @@ pub mod light;
 pub mod looks;
 pub mod material;
 mod meaning;
+pub mod motion;
 pub mod opacity;
 pub mod outline;
 pub mod quantity;
@@ -32,6 +33,7 @@ pub mod viewpoint;
 pub mod wanted;
 
 use crate::error::Result;
+use crate::frozen::Frozen;
 use crate::math::Ray;
 use crate::structure::Structure;
 use crate::structure::replicas::Replicas;
@@ -57,7 +59,9 @@ pub struct Scene {
     /// Beside the particles.
     shapes: Option<Shapes>,
     /// By node the probability that a particle is there, where not all are opaque.
-    opacity: Option<Vec<f32>>,
+    opacity: Option<Frozen<f32>>,
+    /// By node how far particles move while a picture is taken, if any do.
+    motion: Option<Vec<Vec3>>,
     /// Quantities that filters may ask for.
     selectables: Vec<Selectable<Column>>,
 }
@@ -71,7 +75,32 @@ impl Scene {
         background: Option<[f32; 3]>,
     ) -> Self {
         let colors = colors.arranged(structure.ids());
-        Self { lighting, background, structure, colors, shapes: None, opacity: None, selectables: Vec::new() }
+        Self {
+            lighting,
+            background,
+            structure,
+            colors,
+            shapes: None,
+            opacity: None,
+            motion: None,
+            selectables: Vec::new(),
+        }
+    }
+
+    /// The same light, colors and background on other arrays, with the same nodes.
+    fn with(&self, structure: Structure, shapes: Option<Shapes>, opacity: Option<Frozen<f32>>) -> Self {
+        let Self { lighting, background, .. } = *self;
+        let colors = self.colors.clone();
+        Self {
+            lighting,
+            background,
+            structure,
+            colors,
+            shapes,
+            opacity,
+            motion: None,
+            selectables: Vec::new(),
+        }
     }
 
     /// The particles.

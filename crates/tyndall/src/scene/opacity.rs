@@ -1,4 +1,4 @@
-//! Particles that are seen through. How pictures are made of them, `render::translucent` tells.
+//! Particles that are seen through. How pictures are made of them, `render::drawn` tells.
 
 use rayon::prelude::*;
 
@@ -39,21 +39,13 @@ impl Scene {
             return Err(Error::setting("--opacity", wrong, "numbers from 0 (not seen) to 1 (opaque)"));
         }
         let seen_through = opacity.filter(|opacity| opacity.iter().any(|&it| it < 1.0));
-        self.opacity = seen_through.map(|opacity| by_node(opacity, self.structure.ids(), 1.0));
+        self.opacity = seen_through.map(|opacity| by_node(opacity, self.structure.ids(), 1.0).into());
         Ok(())
     }
 
     /// Whether any particle is seen through.
     pub fn is_translucent(&self) -> bool {
         self.opacity.is_some()
-    }
-
-    /// Fails with [`Error::Setting`] if any particle is seen through.
-    pub(crate) fn check_opaque(&self, unable: &str) -> Result<()> {
-        if self.is_translucent() {
-            return Err(Error::setting("--opacity", "given", format!("left out {unable}")));
-        }
-        Ok(())
     }
 
     /// The same scene of opaque particles alone: those for which `is_there` says so, who is told id and opacity. What joins particles is there if that is said of
@@ -64,14 +56,7 @@ impl Scene {
         let keeps = |node: u32, opacity: f32| is_there(ids[node as usize], opacity);
         let shapes = self.shapes.as_ref();
         let keeps_shape = |[first, second]: [u32; 2]| keeps(first, opacity(first).min(opacity(second)));
-        Self {
-            lighting: self.lighting,
-            background: self.background,
-            structure: self.structure.thinned(|node| keeps(node, opacity(node))),
-            colors: self.colors.clone(),
-            shapes: shapes.map(|it| it.thinned(keeps_shape)),
-            opacity: None,
-            selectables: Vec::new(),
-        }
+        let structure = self.structure.thinned(|node| keeps(node, opacity(node)));
+        self.with(structure, shapes.map(|it| it.thinned(keeps_shape)), None)
     }
 }

@@ -213,6 +213,18 @@ fn scalars<'a>(particles: &'a Particles, name: &str) -> Option<Vec<&'a Attribute
     })
 }
 
+/// The error of `setting` where `name` is not a vector.
+pub(super) fn no_vector(particles: &Particles, setting: &'static str, name: &str) -> Error {
+    let all = vectors(particles);
+    let there = match &all[..] {
+        [] => "the file has none".to_string(),
+        all => format!("the file has: {}", all.join(", ")),
+    };
+    let meant = nearest(name, all.iter().map(String::as_str));
+    let meant = meant.map_or(String::new(), |meant| format!("; did you mean '{meant}'?"));
+    Error::setting(setting, name, format!("a vector attribute — {there}{meant}"))
+}
+
 /// The names of all vectors of two or three numbers.
 pub(super) fn vectors(particles: &Particles) -> Vec<String> {
     let mut names: Vec<String> = Vec::new();

@@ -233,6 +233,27 @@ impl Structure {
         thinned
     }
 
+    /// Whether [`Structure::moved`] is for it.
+    pub(crate) fn can_move(&self) -> bool {
+        matches!(self.store, Store::Bvh(_) | Store::Brute(_))
+    }
+
+    /// The same structure with its particles `by` away from where they are, by node. What is shown stays.
+    pub(crate) fn moved(&self, by: impl Fn(u32) -> Vec3 + Sync) -> Self {
+        let store = match &self.store {
+            Store::Bvh(bvh) => Store::Bvh(bvh.moved(by)),
+            Store::Brute(brute) => {
+                let moved = |(&(center, radius), node): (&(Vec3, f32), u32)| (center + by(node), radius);
+                Store::Brute(Brute {
+                    spheres: brute.spheres.iter().zip(0..).map(moved).collect(),
+                    ..brute.clone()
+                })
+            }
+            Store::Pkd(_) | Store::Treelets(_) => self.store.clone(),
+        };
+        Self { store, ..self.clone() }
+    }
+
     /// From now on all radii are `scale` times those it was built with; `scale` is finite and not negative.
     pub fn scale_radii(&mut self, scale: f32) {
         let none =

@@ -2,8 +2,8 @@
 
 mod certified;
 mod culling;
+mod drawn;
 mod interactive;
-mod opacity;
 mod oracle;
 mod refine;
 mod relight;

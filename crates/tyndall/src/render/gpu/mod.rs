@@ -383,7 +383,7 @@ impl<'a> Renderer<'a> {
         settings: &Settings,
     ) -> Result<Self> {
         settings.check(scene)?;
-        scene.check_opaque("on the GPU")?;
+        scene.check_same("on the GPU")?;
         let Settings { width, height, .. } = *settings;
         let view = camera.view(scene.structure().origin(), width, height)?;
         check_flat(&view)?;

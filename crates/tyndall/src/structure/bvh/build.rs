@@ -2,6 +2,7 @@
 //!
 //! Cuts go along the widest axis and depend on counts alone: a share of a node is a full subtree, but for the last.
 
+use glam::Vec3;
 use rayon::prelude::*;
 
 use super::block::{Blocks, Packing, Unfrozen};
@@ -67,6 +68,17 @@ impl Bvh {
             None => packing_error::measure(&arranged::<4>(spheres, &self.ids), 0.0, &self),
         });
         Self { packing_error, ..self }
+    }
+
+    /// The same particles at the same nodes, `by` away from where they are. Boxes are fitted anew; the order of the particles stays.
+    pub(in crate::structure) fn moved(&self, by: impl Fn(u32) -> Vec3 + Sync) -> Self {
+        let nodes = (0..self.ids.len() as u32).into_par_iter().with_min_len(1 << 12);
+        let record = |node| Record { coordinates: (self.sphere(node).0 + by(node)).to_array(), id: node };
+        let records: Vec<Record<3>> = nodes.map(record).collect();
+        let mut blocks = Unfrozen::with_capacity(self.blocks.packing(), records.len().div_ceil(LEAF));
+        blocks.extend(&records);
+        let (sizes, ids) = (self.sizes.clone(), self.ids.clone());
+        Self { shown: self.shown.clone(), ..Self::over(blocks.freeze(), sizes, ids, self.radius_scale) }
     }
 
     /// Puts nodes over leaves of particles with `radius_scale` times the radii of `sizes`.

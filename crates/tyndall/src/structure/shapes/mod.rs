@@ -275,6 +275,11 @@ impl Shapes {
         thinned
     }
 
+    /// Whether any belong to particles.
+    pub(crate) fn have_particles(&self) -> bool {
+        self.owners.iter().any(|owner| matches!(owner, Owner::Particles(_)))
+    }
+
     /// Whether there are none.
     pub(crate) fn is_empty(&self) -> bool {
         self.shapes.is_empty()

@@ -1,4 +1,4 @@
-//! Particles that are seen through, against composition in order, ray by ray.
+//! Particles that are seen through, against composition in order, ray by ray; particles that move, against closed forms.
 
 use glam::{DVec3, Vec3};
 
@@ -12,7 +12,7 @@ use crate::scene::color::ParticleColors;
 use crate::scene::light::{KeyLight, Lighting, Paths, Sky};
 use crate::scene::material::Material;
 use crate::structure::shapes::Segment;
-use crate::structure::{Kind, Structure};
+use crate::structure::{Kind, Packing, Structure};
 use fearless_simd::Level;
 
 const RADII: Radii = Radii::PerParticle { attribute: 0, scale: 1.0 };
@@ -148,4 +148,79 @@ fn what_is_opaque_is_drawn_as_without_opacity_and_nothing_at_none() {
     let culling = Culling::Confidence(confidence::Options::default());
     let refused = Renderer::new(&scene, &camera(2.0), &Settings { culling, ..settings(16, 16) });
     assert!(refused.is_err_and(|error| error.to_string().contains("--opacity")));
+}
+
+#[test]
+fn what_moves_covers_a_pixel_as_long_as_it_is_there() {
+    const SIZE: u32 = 64;
+    const RADIUS: f32 = 0.5;
+    for (moved, at) in [(1.5, 0.0), (0.2, -0.4), (0.0, 0.3)] {
+        let particles = spheres(&[[at, 0.0, 0.0], [0.0, 30.0, 0.0]], vec![RADIUS; 2]);
+        for kind in [KINDS[0], Kind::Bvh(Packing::Bits16), KINDS[1]] {
+            let mut scene = scene(&particles, &RADII, kind, Lighting::Flat);
+            scene.set_motion(Some(&[moved * Vec3::X, Vec3::ZERO])).unwrap();
+            assert_eq!(scene.is_moving(), moved > 0.0);
+            let image = image(&scene, &camera(3.0), &settings(SIZE, 256), Level::new());
+            // Along the row through the middle; pixels are so small that the chord is that of the row's middle.
+            let pixel = 3.0 / SIZE as f32;
+            let chord = (RADIUS * RADIUS - 0.25 * pixel * pixel).sqrt();
+            let mut off_sq = 0.0;
+            for column in 0..SIZE {
+                let x = (column as f32 + 0.5) * pixel - 1.5 - at as f32;
+                // The share of the exposure in which |x - moved * time| < chord, averaged over the pixel.
+                let share = |x: f32| match moved > 0.0 {
+                    true => ((x + chord) / moved).clamp(-0.5, 0.5) - ((x - chord) / moved).clamp(-0.5, 0.5),
+                    false => f32::from(x.abs() < chord),
+                };
+                let wanted =
+                    (0..32).map(|k| share(x + ((k as f32 + 0.5) / 32.0 - 0.5) * pixel)).sum::<f32>() / 32.0;
+                let found = image.color[(SIZE / 2 * SIZE + column) as usize][3];
+                off_sq += (found - wanted).powi(2) / SIZE as f32;
+            }
+            assert!(off_sq.sqrt() < 0.015, "{kind:?}, {moved}: {}", off_sq.sqrt());
+        }
+    }
+}
+
+#[test]
+fn what_moves_is_found_as_by_brute_force_and_casts_shadows_where_it_is() {
+    let mut random = Random::new(31);
+    for seed in 0..4 {
+        let count = [0, 1, 40, 500][seed];
+        let mut number = || random.unit();
+        let places: Vec<[f64; 3]> = (0..count).map(|_| [0; 3].map(|_| f64::from(number()))).collect();
+        let particles = spheres(&places, (0..count).map(|_| 0.02 + 0.1 * number()).collect());
+        let displacements: Vec<Vec3> =
+            (0..count).map(|_| 0.5 * Vec3::from([0; 3].map(|_| number() - 0.5))).collect();
+        let opacity: Vec<f32> = (0..count).map(|id| [1.0, number()][id % 2]).collect();
+        for is_translucent in [false, true] {
+            let pictures = [KINDS[0], KINDS[1]].map(|kind| {
+                let key = KeyLight { toward: Vec3::ONE.normalize(), angular_radius: 0.1, strength: 0.8 };
+                let sky = Sky { zenith: 0.5, ground: 0.1, up: Vec3::Z };
+                let mut scene = scene(&particles, &RADII, kind, Lighting::Studio(key, sky));
+                scene.set_motion(Some(&displacements)).unwrap();
+                scene.set_opacity(is_translucent.then_some(&opacity)).unwrap();
+                image(&scene, &camera(2.0), &settings(24, 6), Level::new())
+            });
+            assert_eq!(
+                differing_pixels(&pictures[0], &pictures[1]),
+                0,
+                "{count} particles, {is_translucent}"
+            );
+        }
+    }
+}
+
+#[test]
+fn what_cannot_move_is_refused() {
+    let particles = spheres(&[[0.0; 3], [0.7, 0.0, 0.4]], vec![0.5; 2]);
+    let moves = [Vec3::X, Vec3::ZERO];
+    for kind in [KINDS[2], KINDS[6]] {
+        let mut scene = scene(&particles, &RADII, kind, Lighting::Flat);
+        assert!(scene.set_motion(Some(&moves)).is_err_and(|error| error.to_string().contains("bvh")));
+        scene.set_motion(Some(&[Vec3::ZERO; 2])).unwrap();
+    }
+    let mut scene = scene(&particles, &RADII, Kind::default(), Lighting::Flat);
+    scene.bond(&[Segment { from: Vec3::ZERO, to: Vec3::X, ends: [0, 1] }], 0.1).unwrap();
+    assert!(scene.set_motion(Some(&moves)).is_err_and(|error| error.to_string().contains("bonds")));
 }
