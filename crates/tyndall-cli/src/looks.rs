@@ -47,6 +47,12 @@ pub(crate) struct Look {
     /// each ray, shadows too; bonds have the lesser of their particles. On the CPU, and of 256 samples
     #[arg(long, value_name = "NUMBER", allow_hyphen_values = true)]
     pub(crate) opacity: Option<String>,
+    /// Motion blur: how long the shutter is open around the frame's time, in the file's unit of time. On the CPU, and of 256 samples
+    #[arg(long, value_name = "TIME", allow_hyphen_values = true)]
+    pub(crate) shutter: Option<f64>,
+    /// The velocity that --shutter moves particles with: an attribute of two or three numbers, or the stem of scalars like vx vy vz
+    #[arg(long, value_name = "NAME", default_value = "v", requires = "shutter")]
+    pub(crate) velocity: String,
     /// One radius for all particles [default: the file's, else by element, else half the usual distance]
     #[arg(long, value_name = "R", value_parser = length, allow_hyphen_values = true)]
     pub(crate) radius: Option<f32>,
@@ -96,6 +102,17 @@ impl Look {
             below: self.below,
             above: self.above,
         }
+    }
+
+    /// The flag for which each sample meets a scene of its own, if one is given.
+    pub(crate) fn drawn(&self) -> Option<&'static str> {
+        let shutter = self.shutter.map(|_| "--shutter");
+        self.opacity.as_ref().map(|_| "--opacity").or(shutter)
+    }
+
+    /// The velocity with which particles move, if they do.
+    pub(crate) fn moving(&self) -> Option<&str> {
+        self.shutter.map(|_| self.velocity.as_str())
     }
 
     /// How many images along each edge, if there are several.

@@ -195,6 +195,8 @@ impl Job<'_> {
         let others = [
             ("--replicate", look.images().is_some()),
             ("--bonds", look.bonds.is_some()),
+            ("--opacity", look.opacity.is_some()),
+            ("--shutter", look.shutter.is_some()),
             (self.args.shapes.name().unwrap_or_default(), self.args.shapes.name().is_some()),
             ("--aperture", look.aperture.is_some()),
             ("--bounces", look.bounces.is_some()),

@@ -18,6 +18,7 @@ use tyndall::scene::coloring::{Mapping, Norm, Range};
 use tyndall::scene::ellipsoids::Ellipsoids;
 use tyndall::scene::guesses::{Guesses, Shown};
 use tyndall::scene::light::Lighting;
+use tyndall::scene::motion::displacements;
 use tyndall::scene::opacity::opacities;
 use tyndall::scene::outline::Outline;
 use tyndall::scene::viewpoint::{Lens, Motion, Viewpoint, too_small, why_unseen};
@@ -71,7 +72,7 @@ pub(crate) fn run(args: &args::Render, report: &Report) -> Outcome<()> {
         filters: args.selection.all_filters(),
         quantities: args.look.opacity.iter().cloned().collect(),
         radii: args.look.radius.is_none() || args.look.bonds.is_some(),
-        vectors: args.shapes.vectors(),
+        vectors: args.look.moving().map(String::from).into_iter().chain(args.shapes.vectors()).collect(),
     };
     let sequence = input::open(&args.input, Some(wanted), report)?;
     let pictures = plan::pictures(args, &job.pattern, &Numbers::of(&args.input, sequence.len()), report)?;
@@ -90,8 +91,8 @@ pub(crate) fn run(args: &args::Render, report: &Report) -> Outcome<()> {
 /// The most samples of a pixel where noise or time decides, if nothing is said.
 const MOST_SAMPLES: u32 = 4096;
 
-/// Samples of a pixel where particles are seen through, if nothing is said.
-const TRANSLUCENT_SAMPLES: u32 = 256;
+/// Samples of a pixel where each meets another scene, if nothing is said.
+const DRAWN_SAMPLES: u32 = 256;
 
 /// Whether particles are read as a whole or can be read in parts.
 #[derive(Clone, Copy)]
@@ -149,9 +150,9 @@ impl<'a> Job<'a> {
             let text = "position noise is for --mode medium; of spheres --noise 1% is how much may be left";
             return Err(Failure::Usage(text.into()));
         }
-        let most = match args.look.opacity {
+        let most = match args.look.drawn() {
             _ if goal.is_given() => MOST_SAMPLES,
-            Some(_) => TRANSLUCENT_SAMPLES,
+            Some(_) => DRAWN_SAMPLES,
             None => Settings::default().samples,
         };
         let samples = samples.unwrap_or(most);
@@ -178,9 +179,13 @@ impl<'a> Job<'a> {
         if let Some(name) = shape.filter(|_| args.camera.panorama) {
             return Err(Failure::Usage(format!("--panorama draws spheres alone — leave out {name}")));
         }
-        let opacity = args.look.opacity.as_ref().map(|_| "--opacity");
-        let beyond = images.map(|_| "--replicate").or(shape).or(opacity);
+        let beyond = images.map(|_| "--replicate").or(shape).or(args.look.drawn());
         looks::check(args)?;
+        let is_of_surfaces = args.picture.layers.iter().flatten().any(|layer| layer.is_of_surface());
+        if args.look.moving().is_some() && is_of_surfaces {
+            let allowed = "without normal and position with --shutter: what moves has several";
+            return Err(Error::setting("--layers", "given", allowed).into());
+        }
         if let (Some(wanted), Culling::Confidence(_)) = (beyond, culling) {
             let allowed = format!("off or certified with {wanted}");
             return Err(Error::setting("--culling", "confidence", allowed).into());
@@ -343,9 +348,9 @@ impl<'a> Job<'a> {
             let allowed = "given: the particles do not fit the memory with what each has of its own — --clip is possible";
             return Err(Error::setting("--filter and --select", filter, allowed).into());
         }
-        if let Some(opacity) = &self.args.look.opacity {
-            let allowed = "given: the particles do not fit the memory with what each has of its own";
-            return Err(Error::setting("--opacity", opacity, allowed).into());
+        if let Some(name) = self.args.look.drawn() {
+            let allowed = "left out: the particles do not fit the memory with what each has of its own";
+            return Err(Error::setting(name, "given", allowed).into());
         }
         let radius = radius * self.args.look.radius_scale;
         let (structure, dropped) =
@@ -410,6 +415,8 @@ impl<'a> Job<'a> {
         let look = &self.args.look;
         let bonded =
             look.bonds.map(|which| bonding::find(&particles, which, look.bond_radius)).transpose()?;
+        let moves =
+            look.shutter.map(|exposure| displacements(&particles, &look.velocity, exposure)).transpose()?;
         let opacities = look.opacity.as_deref().map(|text| opacities(&particles, text)).transpose()?;
         let arrows = self.args.shapes.arrows(spheres)?;
         let selection = Found::of(&self.args.selection, &particles)?;
@@ -494,7 +501,6 @@ impl<'a> Job<'a> {
         if let Some(bonded) = bonded.filter(|bonded| !bonded.segments.is_empty()) {
             scene.bond(&bonded.segments, bonded.radius)?;
         }
-        scene.set_opacity(opacities.as_deref())?;
         if let Some(found) = &ellipsoids {
             scene.add_ellipsoids(&found.ellipsoids)?;
         }
@@ -502,6 +508,8 @@ impl<'a> Job<'a> {
             scene.add_arrows(&arrows.arrows, arrows.radius)?;
         }
         self.meshes.add_to(&mut scene)?;
+        scene.set_opacity(opacities.as_deref())?;
+        scene.set_motion(moves.as_deref())?;
         if let Some(text) = selection.hide_others(&mut scene)? {
             self.tell(is_first, &text);
             guesses.push(text);

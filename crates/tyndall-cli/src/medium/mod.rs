@@ -208,7 +208,8 @@ impl Job<'_> {
             );
             return Err(Failure::Usage(text));
         }
-        let shape = self.args.look.bonds.map(|_| "--bonds").or(self.args.shapes.name());
+        let shape =
+            self.args.look.bonds.map(|_| "--bonds").or(self.args.shapes.name()).or(self.args.look.drawn());
         if let Some(name) = shape {
             let text = format!("{name} is for spheres — leave it out, or --mode medium");
             return Err(Failure::Usage(text));

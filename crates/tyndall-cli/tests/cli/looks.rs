@@ -107,7 +107,9 @@ fn opacity_is_a_number_an_attribute_or_an_expression() {
         folder.render(&format!("a.dump -o a.png {view} {rest}"))
     };
     // A quarter and a half of linear white as sRGB.
-    for (opacity, grey) in [("share", 137), ("if(type==1,0.25,1)", 137), ("0.5", 188), ("max(share,0.5)", 188)] {
+    for (opacity, grey) in
+        [("share", 137), ("if(type==1,0.25,1)", 137), ("0.5", 188), ("max(share,0.5)", 188)]
+    {
         render(&format!("--opacity {opacity}")).fine();
         let (pixels, ..) = png(&folder.path("a.png"));
         assert!(pixels.iter().all(|&it| it == grey), "{opacity}: {}", pixels[0]);
@@ -123,4 +125,33 @@ fn opacity_is_a_number_an_attribute_or_an_expression() {
     ] {
         render(&format!("--opacity {opacity}")).fails(2, &[told]);
     }
+}
+
+#[test]
+fn a_shutter_blurs_what_moves() {
+    let folder = Folder::new();
+    folder.file("a.dump", dump("id type x y z vx vy vz", 4.0, &["1 1 0 0 0 10 0 0"]));
+    let render = |rest: &str| {
+        let view =
+            "--radius 0.4 --view -z --ortho 3 --look-at 0,0,0 --look flat --color #fff --background black";
+        folder.render(&format!("a.dump -o a.png --samples 16 {view} {rest}"))
+    };
+    // Pixels that are neither black nor white, and those that are not black.
+    let blurred = || {
+        let (pixels, ..) = png(&folder.path("a.png"));
+        let count = |is: fn(u8) -> bool| pixels.chunks(3).filter(|pixel| is(pixel[0])).count();
+        (count(|it| it > 0 && it < 255), count(|it| it > 0))
+    };
+    render("").fine();
+    let sharp = blurred();
+    render("--shutter 0").fine();
+    assert_eq!(blurred(), sharp);
+    render("--shutter 0.1").fine();
+    let (between, all) = blurred();
+    assert!(between > 2 * sharp.0 && all > sharp.1 * 3 / 2, "{between} of {all}, {sharp:?}");
+    render("--shutter 0.1 --velocity w").fails(2, &["--velocity", "the file has: v"]);
+    render("--shutter -1").fails(2, &["--shutter", "0 or more"]);
+    render("--shutter 0.1 --structure pkd").fails(2, &["--shutter", "bvh"]);
+    render("--shutter 0.1 --bonds 2").fails(2, &["--shutter", "bonds"]);
+    render("--shutter 0.1 --layers normal").fails(2, &["--layers", "--shutter"]);
 }
