@@ -16,6 +16,7 @@ use crate::annotate::Annotate;
 use crate::bench_culling::CullingBench;
 use crate::culling::CullingArgs;
 use crate::device::Choice;
+use crate::illustrate::Illustrate;
 use crate::layers::Layer;
 use crate::looks::Look;
 use crate::medium::args::{Density, Medium};
@@ -196,6 +197,8 @@ pub(crate) struct Render {
     pub(crate) look: Look,
     #[command(flatten)]
     pub(crate) shapes: Shapes,
+    #[command(flatten)]
+    pub(crate) illustrate: Illustrate,
     #[command(flatten)]
     pub(crate) annotate: Annotate,
     #[command(flatten)]

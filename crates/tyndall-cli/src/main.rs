@@ -17,6 +17,7 @@ mod culling;
 mod device;
 mod dry_run;
 mod help;
+mod illustrate;
 mod info;
 mod input;
 mod json;

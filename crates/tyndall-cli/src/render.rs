@@ -9,6 +9,7 @@ use std::time::Instant;
 use tyndall::particles::{Particles, Radii};
 use tyndall::periodic::Placement;
 use tyndall::render::estimate::Work;
+use tyndall::render::illustration::Illustration;
 use tyndall::render::{Culling, Settings};
 use tyndall::scene::automatic::{self, Outliers};
 use tyndall::scene::bonding;
@@ -45,7 +46,9 @@ use crate::selection::Found;
 use crate::shapes::Meshes;
 use crate::shot::{self, Shot};
 use crate::values::{Background, Degrees};
-use crate::{ahead, culling, dry_run, input, looks, medium, metadata, progress, project, structure};
+use crate::{
+    ahead, culling, dry_run, illustrate, input, looks, medium, metadata, progress, project, structure,
+};
 
 /// Renders what the command line asks for.
 pub(crate) fn run(args: &args::Render, report: &Report) -> Outcome<()> {
@@ -134,6 +137,7 @@ struct Job<'a> {
     is_structure_asked_for: bool,
     viewpoint: Viewpoint,
     background: Option<[f32; 3]>,
+    illustration: Illustration,
     pattern: Pattern,
     layers: &'a [Layer],
     renders: Renders,
@@ -212,6 +216,7 @@ impl<'a> Job<'a> {
             is_structure_asked_for,
             viewpoint: viewpoint(args)?,
             background: background.filter(|_| args.picture.is_opaque()),
+            illustration: illustrate::illustration(args)?,
             pattern: Pattern::new(&args.picture.output),
             layers: layers::asked(&args.picture, &args.picture.written(0), &Layer::OF_SPHERES)?,
             renders: Renders::new(
@@ -540,6 +545,7 @@ impl<'a> Job<'a> {
                 layers: self.layers,
                 numbers: numbers.as_ref(),
                 settings: &self.settings,
+                illustration: self.illustration,
                 report: self.report,
                 whole: &whole,
             };

@@ -4,6 +4,7 @@ use std::path::Path;
 
 use tyndall::film::{Surface, Window};
 use tyndall::render::estimate::PIXEL_BYTES;
+use tyndall::render::illustration::Illustration;
 use tyndall::render::stereo::{Eyes, anaglyph, beside, side_by_side};
 use tyndall::render::{Renderer, Settings};
 use tyndall::scene::Scene;
@@ -71,6 +72,7 @@ pub(crate) struct Shot<'a> {
     pub(crate) layers: &'a [Layer],
     pub(crate) numbers: Option<&'a Numbers>,
     pub(crate) settings: &'a Settings,
+    pub(crate) illustration: Illustration,
     pub(crate) report: &'a Report,
     /// Makes a whole picture, on the device that was chosen.
     pub(crate) whole: &'a dyn Fn(&Scene, &Camera) -> Result<Image>,
@@ -108,10 +110,11 @@ impl Shot<'_> {
         window: Option<Window>,
     ) -> Outcome<(Image, Channels)> {
         let wants_surfaces = self.layers.iter().any(|layer| layer.is_of_surface());
-        let (image, surfaces) = match window {
+        let (mut image, surfaces) = match window {
             None if !wants_surfaces => ((self.whole)(scene, camera)?, Vec::new()),
             _ => self.part(scene, camera, settings, window)?,
         };
+        self.illustrate((scene, camera), settings, window, &mut image)?;
         let mut channels = Vec::new();
         for &layer in self.layers {
             if layer.is_of_surface() {
@@ -134,6 +137,19 @@ impl Shot<'_> {
         Ok((image, channels))
     }
 
+    /// Draws over a picture, or a part of it.
+    fn illustrate(
+        &self,
+        seen: (&Scene, &Camera),
+        settings: &Settings,
+        window: Option<Window>,
+        image: &mut Image,
+    ) -> Result<()> {
+        let size = [settings.width, settings.height];
+        let window = window.unwrap_or(Window::whole(settings.width, settings.height));
+        self.illustration.draw(seen, size, window, image, self.report.progress())
+    }
+
     /// A part of a picture, or all of it, with its surfaces.
     fn part(
         &self,
@@ -154,6 +170,8 @@ impl Shot<'_> {
     pub(crate) fn band(&self, scene: &Scene, camera: &Camera, first: u32, rows: u32) -> Result<Image> {
         let Settings { width, height, .. } = *self.settings;
         let window = Window { x: 0, y: first, width, height: rows.min(height - first) };
-        self.part(scene, camera, self.settings, Some(window)).map(|(image, _)| image)
+        let (mut image, _) = self.part(scene, camera, self.settings, Some(window))?;
+        self.illustrate((scene, camera), self.settings, Some(window), &mut image)?;
+        Ok(image)
     }
 }

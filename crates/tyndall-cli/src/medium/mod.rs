@@ -182,6 +182,7 @@ impl Job<'_> {
         if let Some((name, _)) = refined.iter().find(|(_, is_given)| *is_given) {
             return Err(Failure::Usage(format!("{name} is for spheres — leave it out with --mode medium")));
         }
+        self.args.illustrate.refuse("--mode medium")?;
         let picture = &self.args.picture;
         layers::asked(picture, &picture.written(0), &Layer::OF_MEDIA)?;
         if picture.stereo.is_some() {

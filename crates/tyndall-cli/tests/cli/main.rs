@@ -8,6 +8,7 @@ mod build;
 mod convert;
 mod device;
 mod errors;
+mod illustrations;
 mod info;
 mod looks;
 mod medium;

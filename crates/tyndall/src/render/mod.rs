@@ -11,6 +11,7 @@ mod drawn;
 pub mod estimate;
 #[cfg(feature = "gpu")]
 pub mod gpu;
+pub mod illustration;
 pub mod interactive;
 pub mod medium;
 pub mod normals;
@@ -172,6 +173,17 @@ impl<'a> Renderer<'a> {
         let level = fearless_simd::Level::new();
         let (passes, counts) = (Vec::new(), certified::Counts::default());
         Ok(Self { scene, view, settings: *settings, film, culling, samples_done: 0, passes, counts, level })
+    }
+
+    /// Finds what samples meet, and does not light it.
+    pub(crate) fn unlit(mut self) -> Self {
+        self.film.is_unlit = true;
+        self
+    }
+
+    /// Depth and node of what each pixel shows, row by row; where it shows nothing, the depth is infinite.
+    pub(crate) fn met(&self) -> (Vec<f32>, Vec<u32>) {
+        self.film.met()
     }
 
     /// Uses narrower SIMD than the machine has.

@@ -3,6 +3,7 @@
 mod certified;
 mod culling;
 mod drawn;
+mod illustration;
 mod interactive;
 mod oracle;
 mod refine;

@@ -14,7 +14,7 @@ pub(super) mod normals;
 mod pass;
 mod paths;
 mod replicas;
-mod seen;
+pub(super) mod seen;
 mod settling;
 mod shadows;
 mod shapes;
@@ -83,6 +83,8 @@ pub(crate) struct Film {
     /// What the samples met, by film tile and pass, where that is kept.
     kept: Vec<Vec<Hits>>,
     pub(super) keeps: bool,
+    /// Whether what samples meet is all that is wanted: nothing is lit.
+    pub(super) is_unlit: bool,
     /// By film tile what it was a round ago, where noise is measured.
     earlier: Vec<settling::Earlier>,
 }
@@ -107,7 +109,8 @@ impl Film {
             self.begun.truncate(again);
         }
         self.begun.push((added.first, self.nearness.clone()));
-        Pass::new(scene, view, added, certified, &mut self.nearness)
+        let lighting = (!self.is_unlit).then_some(scene.lighting);
+        Pass::new((scene, lighting), view, added, certified, &mut self.nearness)
     }
 
     /// Forgets all samples.
@@ -146,7 +149,8 @@ impl Film {
         }
         let kept = vec![Vec::new(); tiles.len()];
         let (nearness, begun, earlier) = (Nearness::NONE, Vec::new(), Vec::new());
-        Self { width, height, window, tiles, nearness, begun, kept, keeps: false, earlier }
+        let (keeps, is_unlit) = (false, false);
+        Self { width, height, window, tiles, nearness, begun, kept, keeps, is_unlit, earlier }
     }
 
     /// Without samples, of the same part of a picture.
@@ -404,7 +408,8 @@ fn render_film_tile<S: Simd>(
     if pass.first == 0 {
         film_tile.sum = [[0.0; 4]; FILM_PIXELS];
     }
-    let is_lit_later = matches!(pass.scene.lighting, Lighting::Studio(..) | Lighting::Paths(_));
+    let is_lit_at_once = matches!(pass.lighting, Some(Lighting::Headlight | Lighting::Flat));
+    let is_lit_later = pass.lighting.is_some() && !is_lit_at_once;
     let tile_px = pass.tile_px();
     for y in (0..FILM_EDGE).step_by(tile_px) {
         for x in (0..FILM_EDGE).step_by(tile_px) {
@@ -417,7 +422,7 @@ fn render_film_tile<S: Simd>(
             for block in 0..BLOCKS {
                 let first = (y + block / EDGE * pass.block_px) * FILM_EDGE + x + block % EDGE * pass.block_px;
                 keep_nearest(pass, block, first, film_tile, &scratch.tile);
-                if is_lit_later {
+                if !is_lit_at_once {
                     continue;
                 }
                 let at = block_at(block % EDGE, block / EDGE);
@@ -432,10 +437,10 @@ fn render_film_tile<S: Simd>(
             }
         }
     }
-    match &pass.scene.lighting {
-        Lighting::Studio(key, sky) => light(simd, pass, (key, sky), film_tile, scratch),
-        Lighting::Paths(paths) => paths::light(simd, pass, paths, film_tile, &scratch.hits),
-        Lighting::Headlight | Lighting::Flat => {}
+    match &pass.lighting {
+        Some(Lighting::Studio(key, sky)) => light(simd, pass, (key, sky), film_tile, scratch),
+        Some(Lighting::Paths(paths)) => paths::light(simd, pass, paths, film_tile, &scratch.hits),
+        Some(Lighting::Headlight | Lighting::Flat) | None => {}
     }
 }
 
@@ -513,8 +518,8 @@ fn find_hits<S: Simd>(
 #[simd]
 fn draw<S: Simd>(simd: S, pass: &Pass, met: &Met<S>, first: usize, film_tile: &mut FilmTile) {
     let zero = f32x16::splat(simd, 0.0);
-    let brightness = match &pass.scene.lighting {
-        Lighting::Headlight => met.cosine.max(zero),
+    let brightness = match &pass.lighting {
+        Some(Lighting::Headlight) => met.cosine.max(zero),
         _ => f32x16::splat(simd, 1.0),
     };
     let brightness = met.hits.select(brightness, zero);

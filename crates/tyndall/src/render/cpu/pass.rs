@@ -23,6 +23,8 @@ pub(crate) struct Pass<'a> {
     pub(super) scene: &'a Scene,
     /// What rays meet that go on from what was seen.
     pub(super) secondary: &'a Scene,
+    /// The scene's; none where only what is met is wanted.
+    pub(super) lighting: Option<Lighting>,
     pub(super) view: View,
     pub(super) samples: usize,
     /// Whether samples lie in the middle of their pixel.
@@ -50,9 +52,9 @@ pub(crate) struct Pass<'a> {
 }
 
 impl<'a> Pass<'a> {
-    /// A pass over `scene` seen by `view`. `nearness` tells and learns how near samples came to the centers of their pixels.
+    /// A pass over `scene` in that light, seen by `view`. `nearness` tells and learns how near samples came to the centers of their pixels.
     pub(super) fn new(
-        scene: &'a Scene,
+        (scene, lighting): (&'a Scene, Option<Lighting>),
         view: View,
         added: Samples,
         certified: Options,
@@ -89,8 +91,8 @@ impl<'a> Pass<'a> {
             let pixel = lane / samples;
             pixel / block_px * FILM_EDGE + pixel % block_px
         });
-        let lights = match &scene.lighting {
-            Lighting::Studio(key, _) => (added.first..added.first + added.count)
+        let lights = match &lighting {
+            Some(Lighting::Studio(key, _)) => (added.first..added.first + added.count)
                 .map(|sample| light_sample(key, added.seed, sample))
                 .collect(),
             _ => Vec::new(),
@@ -100,6 +102,7 @@ impl<'a> Pass<'a> {
             first: added.first,
             scene,
             secondary: scene,
+            lighting,
             view,
             samples,
             centered: added.centered,

@@ -3,7 +3,7 @@
 use glam::Vec3;
 use rayon::prelude::*;
 
-use super::{FILM_EDGE, Film};
+use super::{FILM_EDGE, Film, Stretch};
 use crate::film::Surface;
 use crate::render::sampling::PATTERN;
 use crate::scene::Scene;
@@ -35,23 +35,51 @@ impl Film {
         });
         surfaces
     }
+
+    /// Depth and node of what each pixel of the window shows, row by row; where it shows nothing, the depth is infinite.
+    pub(in crate::render) fn met(&self) -> (Vec<f32>, Vec<u32>) {
+        let width = self.window.width as usize;
+        let pixels = self.pixels() as usize;
+        let (mut depth, mut node) = (vec![f32::INFINITY; pixels], vec![0; pixels]);
+        let tiles = self.tile_rows();
+        let rows = (depth.par_chunks_mut(width), node.par_chunks_mut(width));
+        rows.into_par_iter().enumerate().for_each(|(row, (depth, node))| {
+            for Stretch { tile, at, first, length } in self.stretches(&tiles, row) {
+                depth[at..at + length].copy_from_slice(&tile.depth[first..first + length]);
+                node[at..at + length].copy_from_slice(&tile.node[first..first + length]);
+            }
+        });
+        (depth, node)
+    }
 }
 
 /// The surface of what is at `node`, near `point`, which lies on it up to rounding.
 fn surface(scene: &Scene, node: u32, point: Vec3, direction: Vec3) -> Surface {
-    let structure = scene.structure();
     let (point, normal) = match scene.locate_shape(node) {
         Some((shapes, node, shift)) => {
             let (point, normal) = shapes.shape(node / 2).surface(point - shift, direction);
             (point + shift, normal)
         }
         None => {
-            let (center, radius) = structure.sphere(node);
+            let (center, radius) = scene.structure().sphere(node);
             // A sphere so small that rounding leaves no direction faces the eye.
             let normal = (point - center).normalize_or(-direction);
             (center + radius * normal, normal)
         }
     };
-    let position = structure.origin() + point.as_dvec3();
+    let position = scene.structure().origin() + point.as_dvec3();
     Surface { position: position.as_vec3().to_array(), normal: normal.to_array() }
+}
+
+/// Center and radius of the sphere that what is at `node` is near `point`, which was met along `direction`: of a shape, of one that touches it there.
+pub(in crate::render) fn ball(scene: &Scene, node: u32, point: Vec3, direction: Vec3) -> (Vec3, f32) {
+    match scene.locate_shape(node) {
+        Some((shapes, node, shift)) => {
+            let shape = shapes.shape(node / 2);
+            let (point, normal) = shape.surface(point - shift, direction);
+            let radius = shape.radius();
+            (point + shift - radius * normal, radius)
+        }
+        None => scene.structure().sphere(node),
+    }
 }

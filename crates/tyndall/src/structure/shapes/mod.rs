@@ -105,6 +105,16 @@ impl Shape {
         }
     }
 
+    /// The radius of a sphere that touches it from within, about: 0 of what is flat.
+    pub(crate) fn radius(&self) -> f32 {
+        match self {
+            Self::Cylinder(cylinder) => cylinder.radius,
+            Self::Cone(cone) => cone.radius,
+            Self::Ellipsoid(ellipsoid) => ellipsoid.shortest(),
+            Self::Triangle(_) => 0.0,
+        }
+    }
+
     /// Where a ray enters it within its interval, and whether in its second half.
     fn meet(&self, ray: &Ray) -> Option<(f32, bool)> {
         let Entry { t, is_second, meets } = self.enter(&Line::from(ray));

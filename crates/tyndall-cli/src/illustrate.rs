@@ -1,0 +1,81 @@
+//! What is drawn over pictures of spheres, as the command line has it.
+
+use clap::Args;
+use tyndall::render::illustration::{Contours, Illustration};
+use tyndall::scene::coloring;
+use tyndall::srgb::linear_from_encoded;
+
+use crate::args;
+use crate::report::{Failure, Outcome};
+
+/// Lines.
+#[derive(Args)]
+#[command(next_help_heading = "Illustration")]
+pub(crate) struct Illustrate {
+    /// Draws lines around what stands before something else or before nothing, and where spheres cut each other. WIDTH is in pixels of a picture of
+    /// 1080 rows, and grows with the picture; 0 draws none [default: 2; without this flag none]
+    #[arg(long, value_name = "WIDTH", num_args = 0..=1, default_missing_value = "2")]
+    pub(crate) outline: Option<f32>,
+    /// Color of the lines: #rrggbb or a color's name [default: black]
+    #[arg(long, value_name = "COLOR", value_parser = coloring::color)]
+    pub(crate) outline_color: Option<[u8; 3]>,
+    /// How far behind a line the next surface lies at least, in the line's widths; spheres that cut each other have a line if their radius is larger.
+    /// More leaves fewer lines [default: 2]
+    #[arg(long, value_name = "WIDTHS", allow_hyphen_values = true)]
+    pub(crate) outline_jump: Option<f32>,
+}
+
+impl Illustrate {
+    /// The first flag that is given, if one is.
+    fn name(&self) -> Option<&'static str> {
+        let flags = [
+            ("--outline", self.outline.is_some()),
+            ("--outline-color", self.outline_color.is_some()),
+            ("--outline-jump", self.outline_jump.is_some()),
+        ];
+        flags.into_iter().find_map(|(name, is_given)| is_given.then_some(name))
+    }
+
+    /// Fails if something is given; `mode` has no surfaces.
+    pub(crate) fn refuse(&self, mode: &str) -> Outcome<()> {
+        match self.name() {
+            Some(flag) => Err(Failure::Usage(format!("{flag} is for spheres — leave it out with {mode}"))),
+            None => Ok(()),
+        }
+    }
+
+    /// The lines, if there are any.
+    fn contours(&self) -> Outcome<Option<Contours>> {
+        let usual = Contours::default();
+        let width = self.outline.unwrap_or(0.0);
+        if width == 0.0 {
+            let flags = [
+                ("--outline-color", self.outline_color.is_some()),
+                ("--outline-jump", self.outline_jump.is_some()),
+            ];
+            return match flags.iter().find(|(_, is_given)| *is_given) {
+                Some((flag, _)) => Err(Failure::Usage(format!("{flag} is of lines — give --outline too"))),
+                None => Ok(None),
+            };
+        }
+        let color = self.outline_color.map_or(usual.color, linear);
+        Ok(Some(Contours { width, color, jump: self.outline_jump.unwrap_or(usual.jump) }))
+    }
+}
+
+/// What is to be drawn. Fails if it cannot be.
+pub(crate) fn illustration(args: &args::Render) -> Outcome<Illustration> {
+    let illustration = Illustration { contours: args.illustrate.contours()? };
+    if !illustration.is_empty() && args.look.aperture.is_some() {
+        let flag = args.illustrate.name().unwrap_or("--outline");
+        let text = format!("{flag} is not for --aperture, which blurs edges — leave out one of them");
+        return Err(Failure::Usage(text));
+    }
+    illustration.check()?;
+    Ok(illustration)
+}
+
+/// The linear color of sRGB bytes.
+fn linear(color: [u8; 3]) -> [f32; 3] {
+    color.map(|byte| linear_from_encoded(f32::from(byte) / 255.0))
+}

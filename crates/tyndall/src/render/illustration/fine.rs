@@ -1,0 +1,62 @@
+//! What a part of a picture shows at places finer than its pixels: a ray each, in the middle of the place.
+
+use glam::Vec3;
+
+use crate::error::Result;
+use crate::film::Window;
+use crate::render::cpu::seen::ball;
+use crate::render::{Renderer, Settings};
+use crate::scene::Scene;
+use crate::scene::camera::{Camera, View};
+
+/// See the module. Places are counted row by row.
+pub(super) struct Fine<'a> {
+    scene: &'a Scene,
+    view: View,
+    window: Window,
+    /// As in [`crate::film::Image::depth`].
+    pub(super) depth: Vec<f32>,
+    pub(super) node: Vec<u32>,
+}
+
+impl<'a> Fine<'a> {
+    /// The places in `window` of a picture that has one in each pixel. Fails as [`Renderer::of_window`] does.
+    pub(super) fn of(
+        (scene, camera): (&'a Scene, &Camera),
+        settings: &Settings,
+        window: Window,
+    ) -> Result<Self> {
+        let view = camera.view(scene.structure().origin(), settings.width, settings.height)?;
+        let mut renderer = Renderer::of_window(scene, camera, settings, window)?.unlit();
+        renderer.finish(&())?;
+        let (depth, node) = renderer.met();
+        Ok(Self { scene, view, window, depth, node })
+    }
+
+    /// Places in a row.
+    pub(super) fn width(&self) -> usize {
+        self.window.width as usize
+    }
+
+    /// The places of a pixel of the picture, `places` x `places` of them.
+    pub(super) fn places_of(&self, [x, y]: [u32; 2], places: u32) -> impl Iterator<Item = usize> + use<> {
+        let Window { x: left, y: top, width, .. } = self.window;
+        let first = ((y * places - top) * width + x * places - left) as usize;
+        let (width, places) = (width as usize, places as usize);
+        (0..places).flat_map(move |row| (0..places).map(move |column| first + row * width + column))
+    }
+
+    /// How long a place's edge is at that depth.
+    pub(super) fn edge_at(&self, depth: f32) -> f32 {
+        self.view.pixel * if self.view.perspective { depth } else { 1.0 }
+    }
+
+    /// The unit normal of what a place shows, and its radius.
+    pub(super) fn surface(&self, place: usize) -> (Vec3, f32) {
+        let [column, row] = [place % self.width(), place / self.width()].map(|it| it as f32 + 0.5);
+        let ray = self.view.ray(self.window.x as f32 + column, self.window.y as f32 + row);
+        let point = ray.origin + self.depth[place] * ray.direction;
+        let (center, radius) = ball(self.scene, self.node[place], point, ray.direction);
+        ((point - center).normalize_or(-ray.direction), radius)
+    }
+}
