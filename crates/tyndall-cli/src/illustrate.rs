@@ -1,14 +1,14 @@
 //! What is drawn over pictures of spheres, as the command line has it.
 
 use clap::Args;
-use tyndall::render::illustration::{Contours, Illustration};
+use tyndall::render::illustration::{Contours, Halo, Illustration};
 use tyndall::scene::coloring;
 use tyndall::srgb::linear_from_encoded;
 
 use crate::args;
 use crate::report::{Failure, Outcome};
 
-/// Lines.
+/// Lines, rims, and what fades with depth.
 #[derive(Args)]
 #[command(next_help_heading = "Illustration")]
 pub(crate) struct Illustrate {
@@ -23,6 +23,21 @@ pub(crate) struct Illustrate {
     /// More leaves fewer lines [default: 2]
     #[arg(long, value_name = "WIDTHS", allow_hyphen_values = true)]
     pub(crate) outline_jump: Option<f32>,
+    /// Draws rims around what stands before something else, on what lies behind; the wider and the stronger the further behind. WIDTH is that between nearest and
+    /// farthest, in pixels of a picture of 1080 rows [default: 24; without this flag none]
+    #[arg(long, value_name = "WIDTH", num_args = 0..=1, default_missing_value = "24")]
+    pub(crate) halo: Option<f32>,
+    /// Color of the rims: #rrggbb or a color's name, such as black for shade [default: the background's; without one they are transparent]
+    #[arg(long, value_name = "COLOR", value_parser = coloring::color, requires = "halo")]
+    pub(crate) halo_color: Option<[u8; 3]>,
+    /// Fades what is far away into the background; without one it becomes transparent. AMOUNT is how much of the farthest is gone, 0 to 1; between it and the nearest, which stays
+    /// as it is, it is in proportion to the distance [default: 0.7; without this flag none]
+    #[arg(long, value_name = "AMOUNT", num_args = 0..=1, default_missing_value = "0.7")]
+    pub(crate) depth_cue: Option<f32>,
+    /// Distances from the eye of nearest and farthest, for --depth-cue and --halo, in the unit of the file, so that they stay the same from picture to picture [default: those of
+    /// what each picture shows]
+    #[arg(long, value_name = "NEAR:FAR", value_parser = crate::values::depths)]
+    pub(crate) depth_range: Option<[f32; 2]>,
 }
 
 impl Illustrate {
@@ -32,6 +47,9 @@ impl Illustrate {
             ("--outline", self.outline.is_some()),
             ("--outline-color", self.outline_color.is_some()),
             ("--outline-jump", self.outline_jump.is_some()),
+            ("--halo", self.halo.is_some()),
+            ("--depth-cue", self.depth_cue.is_some()),
+            ("--depth-range", self.depth_range.is_some()),
         ];
         flags.into_iter().find_map(|(name, is_given)| is_given.then_some(name))
     }
@@ -61,13 +79,26 @@ impl Illustrate {
         let color = self.outline_color.map_or(usual.color, linear);
         Ok(Some(Contours { width, color, jump: self.outline_jump.unwrap_or(usual.jump) }))
     }
+
+    /// The rims, if there are any.
+    fn halo(&self) -> Option<Halo> {
+        let width = self.halo.filter(|width| *width != 0.0)?;
+        Some(Halo { width, color: self.halo_color.map(linear) })
+    }
 }
 
 /// What is to be drawn. Fails if it cannot be.
 pub(crate) fn illustration(args: &args::Render) -> Outcome<Illustration> {
-    let illustration = Illustration { contours: args.illustrate.contours()? };
+    let given = &args.illustrate;
+    let (contours, halo) = (given.contours()?, given.halo());
+    let depth_cue = given.depth_cue.filter(|amount| *amount != 0.0);
+    if given.depth_range.is_some() && halo.is_none() && depth_cue.is_none() {
+        let text = "--depth-range is that of --depth-cue and --halo — give one of them too";
+        return Err(Failure::Usage(text.into()));
+    }
+    let illustration = Illustration { contours, halo, depth_cue, depths: given.depth_range };
     if !illustration.is_empty() && args.look.aperture.is_some() {
-        let flag = args.illustrate.name().unwrap_or("--outline");
+        let flag = given.name().unwrap_or("--outline");
         let text = format!("{flag} is not for --aperture, which blurs edges — leave out one of them");
         return Err(Failure::Usage(text));
     }

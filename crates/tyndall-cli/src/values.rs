@@ -62,6 +62,15 @@ pub(crate) fn window(text: &str) -> Result<Window> {
     }
 }
 
+/// Reads `NEAR:FAR`.
+pub(crate) fn depths(text: &str) -> Result<[f32; 2]> {
+    let numbers: Option<Vec<f32>> = text.split(':').map(|part| part.trim().parse().ok()).collect();
+    match numbers.as_deref() {
+        Some(&[near, far]) => Ok([near, far]),
+        _ => Err(Error::setting("--depth-range", text, "NEAR:FAR, two distances such as 20:55.5")),
+    }
+}
+
 /// Reads a length above 0, or a factor.
 pub(crate) fn length(text: &str) -> Result<f32> {
     let number = text.parse().ok().filter(|it: &f32| it.is_finite() && *it > 0.0);

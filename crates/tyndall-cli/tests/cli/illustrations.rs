@@ -1,4 +1,4 @@
-//! What is drawn over pictures of spheres: lines.
+//! What is drawn over pictures of spheres: lines, rims, and what fades with depth.
 
 use super::{Folder, line_of, png};
 
@@ -38,6 +38,31 @@ fn lines_are_drawn_as_wide_and_in_the_color_that_is_said() {
 }
 
 #[test]
+fn what_is_far_away_fades_into_the_background() {
+    let folder = Folder::new();
+    folder.file("a.xyz", line_of(3));
+    // Along the row: the nearest at 20 - 2 - 0.45 from the eye, the middle one 1 behind.
+    let view = "--eye 20,0.25,3.5 --look-at 1,0.25,-0.5 --ortho 4 --radius 0.45 --look flat --color #808080 --background white";
+    let picture = |name: &str, words: &str| {
+        folder.line(&format!("render --size 96x64 --samples 4 a.xyz -o {name} {view} {words}")).fine();
+        png(&folder.path(name)).0
+    };
+    let plain = picture("plain.png", "");
+    assert_eq!(picture("none.png", "--depth-cue 0 --halo 0"), plain);
+    let gray = plain.iter().filter(|it| **it == 0x80).count();
+    assert!(gray > 600, "{gray}");
+    // All of what is further away than 3 is gone, and all halves are there.
+    assert!(picture("gone.png", "--depth-cue 1 --depth-range 1:3").iter().all(|&it| it == 255));
+    let half = picture("half.png", "--depth-cue 0.5 --depth-range 1:3");
+    // Half of white and of 0x80, which is 0.2159 of it: 0.608, encoded 0.801.
+    assert!(half.iter().all(|&it| it == 255 || it.abs_diff(204) <= 1 || it > 204));
+    assert!(half.iter().filter(|it| it.abs_diff(204) <= 1).count() >= gray);
+    let clear = picture("clear.png", "--depth-cue 0.5 --depth-range 1:3 --background none");
+    assert!(clear.chunks_exact(4).filter(|pixel| pixel[3].abs_diff(128) <= 1).count() >= gray / 3);
+    assert_ne!(picture("rims.png", "--halo 60 --halo-color black"), plain);
+}
+
+#[test]
 fn what_cannot_be_drawn_is_refused_before_the_work() {
     let folder = Folder::new();
     folder.file("a.xyz", line_of(3));
@@ -46,6 +71,14 @@ fn what_cannot_be_drawn_is_refused_before_the_work() {
         ("--outline 2 --outline-jump -1", ["--outline-jump", "0 or more"]),
         ("--outline-color red", ["--outline-color", "give --outline too"]),
         ("--outline 2 --aperture 1", ["--outline", "--aperture"]),
+        ("--halo=-1", ["--halo", "at most 100"]),
+        ("--halo-color red", ["--halo", "not provided"]),
+        ("--depth-cue 2", ["--depth-cue", "0 (none) to 1"]),
+        ("--depth-cue --depth-range 9:2", ["--depth-range", "the first is smaller"]),
+        ("--depth-cue --depth-range 9", ["--depth-range", "such as 20:55.5"]),
+        ("--depth-range 2:9", ["--depth-range", "give one of them too"]),
+        ("--depth-cue --aperture 1", ["--depth-cue", "--aperture"]),
+        ("--halo 2 --mode project", ["--halo", "for spheres"]),
         ("--outline 2 --mode medium", ["--outline", "for spheres"]),
         ("--outline 2 --mode project", ["--outline", "for spheres"]),
     ] {

@@ -4,7 +4,7 @@ use super::scenes::{Law, Random, particles};
 use super::visibility::{differing_pixels, scene};
 use crate::film::{Image, Window};
 use crate::particles::{Attribute, Columns, Particles, Positions, Radii, Values};
-use crate::render::illustration::{Contours, Illustration};
+use crate::render::illustration::{Contours, Halo, Illustration};
 use crate::render::{Culling, Renderer, Settings};
 use crate::scene::Scene;
 use crate::scene::camera::{Camera, Projection};
@@ -55,7 +55,7 @@ fn pictures(scene: &Scene, camera: &Camera, settings: &Settings, over: Illustrat
 }
 
 fn lines(width: f32, jump: f32) -> Illustration {
-    Illustration { contours: Some(Contours { width, color: RED, jump }) }
+    Illustration { contours: Some(Contours { width, color: RED, jump }), ..Illustration::default() }
 }
 
 /// Red lines over blue-less gray: how much of each pixel is under them.
@@ -146,7 +146,8 @@ fn a_part_of_a_drawn_picture_is_that_of_the_whole() {
         .map(|id| Segment { from: scene.structure().sphere(id).0, to: Vec3::ZERO, ends: [id, id + 1] })
         .collect();
     scene.bond(&segments, 0.05).unwrap();
-    let over = lines(12.0, 2.0);
+    let halo = Some(Halo { width: 60.0, color: Some([0.2; 3]) });
+    let over = Illustration { halo, depth_cue: Some(0.8), ..lines(12.0, 2.0) };
     let [before, whole] = pictures(&scene, &camera, &settings, over);
     assert!(differing_pixels(&before, &whole) > 1000);
     assert_eq!((&before.depth, &before.id), (&whole.depth, &whole.id));
@@ -155,6 +156,85 @@ fn a_part_of_a_drawn_picture_is_that_of_the_whole() {
         let mut part = before.part(window);
         over.draw((&scene, &camera), size, window, &mut part, &()).unwrap();
         assert_eq!(differing_pixels(&part, &whole.part(window)), 0, "{window:?}");
+    }
+}
+
+#[test]
+fn a_depth_cue_fades_in_proportion_to_the_depth() {
+    // A ball that fills the picture: seen from z = 10 between 9 and 10 or so.
+    let ball = [([0.0, 0.0, -19.0], 20.0)];
+    let back = [0.0, 0.1, 0.9];
+    for (background, depths) in
+        [(Some(back), Some([8.5, 9.75])), (None, Some([8.5, 9.75])), (Some(back), None)]
+    {
+        let over = Illustration { depth_cue: Some(0.6), depths, ..Illustration::default() };
+        let [before, after] = pictures(&spheres(&ball, background), &above(), &settings(64), over);
+        let corner = before.depth[0];
+        let [near, far] = depths.unwrap_or([9.0, corner]);
+        for at in [0, 17, 64 * 20 + 40, 64 * 32 + 32] {
+            let faded = 0.6 * ((before.depth[at] - near) / (far - near)).clamp(0.0, 1.0);
+            let behind = background.map_or([0.0; 4], |[r, g, b]| [r, g, b, 1.0]);
+            for ((before, after), behind) in before.color[at].into_iter().zip(after.color[at]).zip(behind) {
+                let wanted = before * (1.0 - faded) + behind * faded;
+                assert!((after - wanted).abs() < 5e-3, "{depths:?} {at}: {after} {wanted}");
+            }
+        }
+        let alpha = after.color[0][3];
+        assert!(
+            (alpha - if background.is_none() { 1.0 - 0.6 * ((corner - 8.5) / 1.25).min(1.0) } else { 1.0 })
+                .abs()
+                < 5e-3
+        );
+    }
+}
+
+#[test]
+fn a_halo_narrows_and_fades_as_its_formula_says() {
+    // A sphere before a nearly flat ball, one behind its silhouette, of four that count; a halo of 0.4 of the four units that are the picture's rows.
+    let scene = spheres(&[([0.0, 0.0, 0.0], 0.8), ([0.0, 0.0, -4001.0], 4000.0)], Some([1.0; 3]));
+    let halo = Some(Halo { width: 100.0, color: Some(RED) });
+    let over = Illustration { halo, depths: Some([8.0, 12.0]), ..Illustration::default() };
+    let width = 100.0 / 1080.0 * 4.0;
+    let [before, after] = pictures(&scene, &above(), &settings(96), over);
+    let (mut partial, mut error) = (0, 0.0);
+    for (at, (before, after)) in before.color.iter().zip(&after.color).enumerate() {
+        let x = ((at % 96) as f32 + 0.5) / 24.0 - 2.0;
+        let y = 2.0 - ((at / 96) as f32 + 0.5) / 24.0;
+        let outside = x.hypot(y) - 0.8;
+        let wanted = ((0.25 - (outside / width).powi(2)) / 0.2).clamp(0.0, 1.0);
+        let found = 1.0 - after[1] / before[1];
+        if outside < -0.04 {
+            assert_eq!(found, 0.0, "{outside}");
+        } else if outside > 0.04 {
+            assert!((found - wanted).abs() < 0.2, "{outside}: {found} {wanted}");
+            if found > 0.05 && found < 0.95 {
+                (partial, error) = (partial + 1, error + found - wanted);
+            }
+        }
+    }
+    assert!(partial > 50 && error.abs() < 0.04 * partial as f32, "{partial} {error}");
+    // In the background's color, or away, there is as much of it; what stands before nothing has none.
+    for (background, color) in [(Some([1.0; 3]), None), (None, None)] {
+        let scene = spheres(&[([0.0, 0.0, 0.0], 0.8)], background);
+        let over = Illustration {
+            halo: Some(Halo { width: 100.0, color }),
+            depths: Some([8.0, 12.0]),
+            ..Illustration::default()
+        };
+        let [before, after] = pictures(&scene, &above(), &settings(32), over);
+        assert_eq!(differing_pixels(&before, &after), 0);
+    }
+}
+
+#[test]
+fn lines_fade_with_what_they_are_of() {
+    let scene = spheres(&[([0.0; 3], 1.0)], Some([0.0, 0.0, 1.0]));
+    // The silhouette is 10 away: halfway, so that a quarter of the line is background.
+    let over = Illustration { depth_cue: Some(0.5), depths: Some([9.0, 11.0]), ..lines(50.0, 2.0) };
+    let [_, after] = pictures(&scene, &above(), &settings(64), over);
+    let found = after.color[32 * 64 + 47];
+    for (channel, wanted) in [0.75, 0.0, 0.25, 1.0].into_iter().enumerate() {
+        assert!((found[channel] - wanted).abs() < 0.05, "{found:?}");
     }
 }
 
@@ -170,6 +250,14 @@ fn what_cannot_be_drawn_is_refused() {
         [(0.0, 1.0), (-1.0, 1.0), (101.0, 1.0), (f32::NAN, 1.0), (1.0, -1.0), (1.0, f32::INFINITY)]
     {
         assert!(draw(&scene, lines(width, jump)).is_err(), "{width} {jump}");
+    }
+    for over in [
+        Illustration { halo: Some(Halo { width: 0.0, color: None }), ..lines(1.0, 0.0) },
+        Illustration { depth_cue: Some(1.1), ..lines(1.0, 0.0) },
+        Illustration { depth_cue: Some(0.5), depths: Some([2.0, 2.0]), ..Illustration::default() },
+        Illustration { depth_cue: Some(0.5), depths: Some([f32::NAN, 2.0]), ..Illustration::default() },
+    ] {
+        assert!(draw(&scene, over).is_err(), "{over:?}");
     }
     let lens = Adjustments { lens: Some(Lens { radius: 0.1, focus: 1.0 }), ..Adjustments::default() };
     scene.lighting = Look::Matte.lighting([Vec3::X, Vec3::NEG_Y, Vec3::Z], &lens);

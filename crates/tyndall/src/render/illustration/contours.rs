@@ -20,8 +20,8 @@ pub(super) fn reach(width: f32) -> i32 {
     (0.5 * width + 1.0).ceil() as i32
 }
 
-/// How much of each place lines of `width` places cover, 0 to 1. `jump` is in widths.
-pub(super) fn coverage(fine: &Fine, width: f32, jump: f32) -> Vec<f32> {
+/// How much of each place lines of `width` places cover, 0 to 1, and the depth of what the nearest one is of. `jump` is in widths.
+pub(super) fn coverage(fine: &Fine, width: f32, jump: f32) -> Vec<[f32; 2]> {
     let edges = Edges { fine, least_jump: jump * width };
     let reach = reach(width);
     // Distances are whole in halves of a place: edges lie half a place to the right of theirs, or below.
@@ -32,7 +32,8 @@ pub(super) fn coverage(fine: &Fine, width: f32, jump: f32) -> Vec<f32> {
     let covered = |key: u64| {
         let distance = 0.5 * ((key >> 32) as f32).sqrt();
         // Of a place that the line's side goes through, a part.
-        (0.5 * width - (distance + BIAS) + 0.5).clamp(0.0, 1.0)
+        let share = (0.5 * width - (distance + BIAS) + 0.5).clamp(0.0, 1.0);
+        [share, f32::from_bits(key as u32)]
     };
     right.into_par_iter().zip(below).map(|(right, below)| covered(right.min(below))).collect()
 }

@@ -4,6 +4,7 @@ use glam::Vec3;
 
 use crate::error::Result;
 use crate::film::Window;
+use crate::math::Ray;
 use crate::render::cpu::seen::ball;
 use crate::render::{Renderer, Settings};
 use crate::scene::Scene;
@@ -38,12 +39,21 @@ impl<'a> Fine<'a> {
         self.window.width as usize
     }
 
-    /// The places of a pixel of the picture, `places` x `places` of them.
-    pub(super) fn places_of(&self, [x, y]: [u32; 2], places: u32) -> impl Iterator<Item = usize> + use<> {
-        let Window { x: left, y: top, width, .. } = self.window;
-        let first = ((y * places - top) * width + x * places - left) as usize;
-        let (width, places) = (width as usize, places as usize);
-        (0..places).flat_map(move |row| (0..places).map(move |column| first + row * width + column))
+    /// The places of a pixel of the picture, `places` x `places` of them, and those that lie up to `around` places away.
+    pub(super) fn places_of(
+        &self,
+        [x, y]: [u32; 2],
+        places: u32,
+        around: u32,
+    ) -> impl Iterator<Item = usize> + use<> {
+        let Window { x: left, y: top, width, height } = self.window;
+        let range = |at: u32, start: u32, length: u32| {
+            let first = (at * places - start) as usize;
+            let around = around as usize;
+            first.saturating_sub(around)..(first + places as usize + around).min(length as usize)
+        };
+        let (columns, width) = (range(x, left, width), width as usize);
+        range(y, top, height).flat_map(move |row| columns.clone().map(move |column| row * width + column))
     }
 
     /// How long a place's edge is at that depth.
@@ -51,12 +61,30 @@ impl<'a> Fine<'a> {
         self.view.pixel * if self.view.perspective { depth } else { 1.0 }
     }
 
+    /// The depth at which a ray would graze what a place shows: that of its silhouette, as near as it may be.
+    pub(super) fn silhouette(&self, place: usize) -> f32 {
+        let (center, radius, _) = self.ball(place);
+        let offset = center - self.view.eye;
+        let grazed = match self.view.perspective {
+            true => (offset.length_squared() - radius * radius).max(0.0).sqrt(),
+            false => offset.dot(self.view.forward),
+        };
+        grazed.max(self.depth[place])
+    }
+
     /// The unit normal of what a place shows, and its radius.
     pub(super) fn surface(&self, place: usize) -> (Vec3, f32) {
+        let (center, radius, ray) = self.ball(place);
+        let point = ray.origin + self.depth[place] * ray.direction;
+        ((point - center).normalize_or(-ray.direction), radius)
+    }
+
+    /// Center and radius of the sphere that a place shows, of a bond of that it is shaded as, and the place's ray.
+    fn ball(&self, place: usize) -> (Vec3, f32, Ray) {
         let [column, row] = [place % self.width(), place / self.width()].map(|it| it as f32 + 0.5);
         let ray = self.view.ray(self.window.x as f32 + column, self.window.y as f32 + row);
         let point = ray.origin + self.depth[place] * ray.direction;
         let (center, radius) = ball(self.scene, self.node[place], point, ray.direction);
-        ((point - center).normalize_or(-ray.direction), radius)
+        (center, radius, ray)
     }
 }

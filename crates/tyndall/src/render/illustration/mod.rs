@@ -1,4 +1,4 @@
-//! What is drawn over a finished picture by what lies before what: contours.
+//! What is drawn over a finished picture by what lies before what: contours, halos, depth cues.
 //!
 //! Every pixel is looked at in 4 x 4 places, whose depths and nodes are found by one ray each. Each place decides for itself how much of it is
 //! covered, and the pixel takes the mean, so that what is drawn has smooth edges however few samples the picture has. It is drawn into linear light,
@@ -7,7 +7,9 @@
 //! 2012, Distance Transforms of Sampled Functions (rows, then columns).
 
 mod contours;
+mod depths;
 mod fine;
+mod halo;
 mod nearest;
 
 use rayon::prelude::*;
@@ -19,11 +21,12 @@ use crate::progress::Progress;
 use crate::scene::Scene;
 use crate::scene::camera::Camera;
 use crate::scene::light::{Lighting, Paths};
+use depths::Depths;
 use fine::Fine;
 
 /// Widths are those in a picture of so many rows, and grow with the picture, so that a large picture looks as a small one does.
 pub const REFERENCE_ROWS: f32 = 1080.0;
-/// The widest that a line can be, in such a picture.
+/// The widest that a line or a halo can be, in such a picture.
 const WIDEST: f32 = 100.0;
 /// Places along the edge of a pixel.
 const PLACES: u32 = 4;
@@ -51,18 +54,61 @@ impl Default for Contours {
     }
 }
 
-/// What is drawn over a picture.
+/// Rims around what stands before something else, on what lies behind; the wider and the stronger the further behind. Where things touch, and on the
+/// background, there are none.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Halo {
+    /// Pixels from what is in front to the end of a rim between the nearest and the farthest that is shown, in a picture of [`REFERENCE_ROWS`] rows; above 0, at
+    /// most 100. With a part of that difference of depth it is as wide as that part's square root.
+    pub width: f32,
+    /// Linear RGB; none is that of the background, or transparent as it is.
+    pub color: Option<[f32; 3]>,
+}
+
+impl Default for Halo {
+    /// 24 pixels in the background's color.
+    fn default() -> Self {
+        Self { width: 24.0, color: None }
+    }
+}
+
+/// What is drawn over a picture, lines uppermost.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Illustration {
     /// Lines.
     pub contours: Option<Contours>,
+    /// Rims, under lines.
+    pub halo: Option<Halo>,
+    /// How much of the farthest is background, or transparent as it is, 0 to 1; of what is nearer it is less in proportion to its depth, of the nearest none. Lines and
+    /// rims fade with what they are of.
+    pub depth_cue: Option<f32>,
+    /// The depths of nearest and farthest, for halos and depth cues, in the length unit of the particles; if there are none, those of what the picture shows.
+    pub depths: Option<[f32; 2]>,
 }
 
 /// What is drawn on a pixel, as shares of it.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 struct Drawn {
-    /// Under a line.
+    /// Under lines, and how much of that has not faded.
     line: f32,
+    bright_line: f32,
+    /// What is left of its own color, of what is not under lines.
+    kept: f32,
+    /// In the color of halos, of the same.
+    halo: f32,
+}
+
+impl Drawn {
+    /// Nothing.
+    const NONE: Self = Self { line: 0.0, bright_line: 0.0, kept: 1.0, halo: 0.0 };
+}
+
+/// What is drawn at the places of a block.
+struct Layers {
+    /// Shares under lines, and the depths of what these are of.
+    lines: Option<Vec<[f32; 2]>>,
+    halo: Option<Vec<f32>>,
+    depths: Option<Depths>,
 }
 
 impl Illustration {
@@ -82,7 +128,24 @@ impl Illustration {
                 return Err(Error::setting("--outline-jump", jump, "0 or more, in the line's widths"));
             }
         }
-        Ok(())
+        if let Some(Halo { width, .. }) = self.halo
+            && !(width > 0.0 && width <= WIDEST)
+        {
+            let allowed = "above 0 and at most 100 pixels, of a picture of 1080 rows";
+            return Err(Error::setting("--halo", width, allowed));
+        }
+        if let Some(amount) = self.depth_cue
+            && !(0.0..=1.0).contains(&amount)
+        {
+            return Err(Error::setting("--depth-cue", amount, "0 (none) to 1 (the farthest is background)"));
+        }
+        match self.depths {
+            Some([near, far]) if !(near >= 0.0 && near < far && far.is_finite()) => {
+                let allowed = "NEAR:FAR, distances from the eye of which the first is smaller";
+                Err(Error::setting("--depth-range", format!("{near}:{far}"), allowed))
+            }
+            _ => Ok(()),
+        }
     }
 
     /// Draws over `image`, which is the part in `window` of a picture of `size` pixels of that scene. Depths and ids stay as they are.
@@ -122,14 +185,28 @@ impl Illustration {
             seed: 0,
             culling: Culling::Off,
         };
+        let depths = match (self.halo, self.depth_cue) {
+            (None, None) => None,
+            _ => Some(Depths::of(self.depths, (scene, camera), size)?),
+        };
         progress.begin("draw", Some(u64::from(window.width) * u64::from(window.height)), "pixels");
         for block in blocks(window) {
             if progress.cancelled() {
                 return Err(Error::Interrupted);
             }
-            let around = self.reach(&settings);
+            let around = self.reach(&settings).max(places);
             let fine = Fine::of((scene, camera), &settings, grown(block, places, around, &settings))?;
-            self.draw_block(&fine, (block, places), &settings, (window, image));
+            let layers = self.layers(&fine, scale(&settings), depths);
+            let rows = image.color.par_chunks_mut(window.width as usize);
+            let rows = rows.skip((block.y - window.y) as usize).take(block.height as usize);
+            rows.enumerate().for_each(|(row, colors)| {
+                let first = (block.x - window.x) as usize;
+                for (column, color) in colors[first..first + block.width as usize].iter_mut().enumerate() {
+                    let pixel = [block.x + column as u32, block.y + row as u32];
+                    let drawn = self.drawn(&fine, &layers, pixel, places);
+                    *color = self.over(*color, drawn, scene.background);
+                }
+            });
             progress.advance(u64::from(block.width) * u64::from(block.height));
         }
         Ok(())
@@ -137,44 +214,73 @@ impl Illustration {
 
     /// How far places are looked at around one, in places.
     fn reach(&self, fine: &Settings) -> u32 {
-        self.contours.map_or(0, |it| contours::reach(it.width * scale(fine)) as u32 + 1)
+        let lines = self.contours.map_or(0, |it| contours::reach(it.width * scale(fine)));
+        let halo = self.halo.map_or(0, |it| halo::reach(it.width * scale(fine)));
+        lines.max(halo) as u32 + 1
     }
 
-    /// Draws over the pixels in `block` of the picture, each of `places` x `places` places.
-    fn draw_block(
-        &self,
-        fine: &Fine,
-        (block, places): (Window, u32),
-        settings: &Settings,
-        (window, image): (Window, &mut Image),
-    ) {
-        let lines =
-            self.contours.map(|it| (it, contours::coverage(fine, it.width * scale(settings), it.jump)));
-        let inverse = 1.0 / (places * places) as f32;
-        let rows = image.color.par_chunks_mut(window.width as usize);
-        let rows = rows.skip((block.y - window.y) as usize).take(block.height as usize);
-        rows.enumerate().for_each(|(row, colors)| {
-            let first = (block.x - window.x) as usize;
-            for (column, color) in colors[first..first + block.width as usize].iter_mut().enumerate() {
-                let mut drawn = Drawn::default();
-                for at in fine.places_of([block.x + column as u32, block.y + row as u32], places) {
-                    drawn.line += lines.as_ref().map_or(0.0, |(_, covered)| covered[at]);
-                }
-                drawn.line *= inverse;
-                *color = self.over(*color, drawn);
+    fn layers(&self, fine: &Fine, scale: f32, depths: Option<Depths>) -> Layers {
+        let lines = self.contours.map(|it| contours::coverage(fine, it.width * scale, it.jump));
+        let halo = self.halo.zip(depths);
+        let halo = halo.map(|(it, depths)| halo::strength(fine, it.width * scale, &depths));
+        Layers { lines, halo, depths }
+    }
+
+    /// What is drawn on a pixel of `places` x `places` places.
+    fn drawn(&self, fine: &Fine, layers: &Layers, pixel: [u32; 2], places: u32) -> Drawn {
+        let count = (places * places) as f32;
+        let mut sum = Drawn { kept: 1.0, ..Drawn::NONE };
+        for at in fine.places_of(pixel, places, 0) {
+            if let Some(lines) = &layers.lines {
+                let [share, depth] = lines[at];
+                sum.line += share / count;
+                sum.bright_line += share * self.brightness(layers, depth) / count;
             }
-        });
+            if let Some(halo) = layers.halo.as_ref().filter(|_| fine.depth[at] < f32::INFINITY) {
+                sum.halo += halo[at] * self.brightness(layers, fine.depth[at]) / count;
+            }
+        }
+        if layers.depths.is_some() {
+            // The picture's samples may meet what no place of the pixel does: it is as far away as what is around.
+            let kept = |around| self.kept(fine, layers, fine.places_of(pixel, places, around));
+            sum.kept = kept(0).or_else(|| kept(places)).unwrap_or(1.0);
+        }
+        sum
     }
 
-    /// What is drawn, over a color of an image.
-    fn over(&self, color: [f32; 4], drawn: Drawn) -> [f32; 4] {
-        let Some(contours) = self.contours.filter(|_| drawn.line > 0.0) else { return color };
-        let [r, g, b] = contours.color;
-        let mut mixed = color;
-        for (channel, line) in mixed.iter_mut().zip([r, g, b, 1.0]) {
-            *channel += drawn.line * (line - *channel);
+    /// How much is left of the color of what these places show; none if they show nothing.
+    fn kept(&self, fine: &Fine, layers: &Layers, places: impl Iterator<Item = usize>) -> Option<f32> {
+        let (mut kept, mut met) = (0.0, 0.0);
+        for at in places.filter(|at| fine.depth[*at] < f32::INFINITY) {
+            let halo = layers.halo.as_ref().map_or(0.0, |halo| halo[at]);
+            kept += (1.0 - halo) * self.brightness(layers, fine.depth[at]);
+            met += 1.0;
         }
-        mixed
+        (met > 0.0).then_some(kept / met)
+    }
+
+    /// How much of what is at a depth has not faded.
+    fn brightness(&self, layers: &Layers, depth: f32) -> f32 {
+        match (self.depth_cue, layers.depths) {
+            (Some(amount), Some(depths)) => 1.0 - amount * depths.share(depth),
+            _ => 1.0,
+        }
+    }
+
+    /// What is drawn, over a color of an image that has that background.
+    fn over(&self, color: [f32; 4], drawn: Drawn, background: Option<[f32; 3]>) -> [f32; 4] {
+        if drawn == Drawn::NONE {
+            return color;
+        }
+        let solid = |[r, g, b]: [f32; 3]| [r, g, b, 1.0];
+        let behind = background.map_or([0.0; 4], solid);
+        let halo = self.halo.and_then(|it| it.color).map_or(behind, solid);
+        let line = self.contours.map_or(behind, |it| solid(it.color));
+        let Drawn { line: under, bright_line, kept, halo: rim } = drawn;
+        std::array::from_fn(|channel| {
+            let below = kept * color[channel] + rim * halo[channel] + (1.0 - kept - rim) * behind[channel];
+            (1.0 - under) * below + bright_line * line[channel] + (under - bright_line) * behind[channel]
+        })
     }
 }
 

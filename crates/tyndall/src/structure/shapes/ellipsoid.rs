@@ -35,6 +35,11 @@ impl Stretched {
         }
     }
 
+    /// Its shortest half axis.
+    pub(super) fn shortest(&self) -> f32 {
+        1.0 / self.rows.iter().map(|row| row.length()).fold(0.0, f32::max)
+    }
+
     /// The ball around it.
     pub(super) fn ball(&self) -> Ball {
         Ball { center: self.center, radius: 1.000_01 * self.longest }
