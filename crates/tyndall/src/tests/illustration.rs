@@ -179,12 +179,13 @@ fn a_depth_cue_fades_in_proportion_to_the_depth() {
                 assert!((after - wanted).abs() < 5e-3, "{depths:?} {at}: {after} {wanted}");
             }
         }
-        let alpha = after.color[0][3];
-        assert!(
-            (alpha - if background.is_none() { 1.0 - 0.6 * ((corner - 8.5) / 1.25).min(1.0) } else { 1.0 })
-                .abs()
-                < 5e-3
-        );
+        let alpha = match background {
+            Some(_) => 1.0,
+            None => 1.0 - 0.6 * ((corner - 8.5) / 1.25).min(1.0),
+        };
+        let tolerance = if background.is_some() { 0.0 } else { 5e-3 };
+        assert!((after.color[0][3] - alpha).abs() <= tolerance, "{:?}", after.color[0]);
+        assert!(background.is_none() || after.color.iter().all(|color| color[3] == 1.0));
     }
 }
 

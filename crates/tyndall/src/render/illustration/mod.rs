@@ -277,10 +277,13 @@ impl Illustration {
         let halo = self.halo.and_then(|it| it.color).map_or(behind, solid);
         let line = self.contours.map_or(behind, |it| solid(it.color));
         let Drawn { line: under, bright_line, kept, halo: rim } = drawn;
-        std::array::from_fn(|channel| {
+        let mut over: [f32; 4] = std::array::from_fn(|channel| {
             let below = kept * color[channel] + rim * halo[channel] + (1.0 - kept - rim) * behind[channel];
             (1.0 - under) * below + bright_line * line[channel] + (under - bright_line) * behind[channel]
-        })
+        });
+        // Shares sum to 1 up to rounding, which makes nothing transparent.
+        over[3] = if background.is_some() { 1.0 } else { over[3].min(1.0) };
+        over
     }
 }
 
