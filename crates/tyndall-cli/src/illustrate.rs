@@ -6,6 +6,7 @@ use tyndall::scene::coloring;
 use tyndall::srgb::linear_from_encoded;
 
 use crate::args;
+use crate::looks::LightLook;
 use crate::report::{Failure, Outcome};
 
 /// Lines, rims, and what fades with depth.
@@ -13,7 +14,7 @@ use crate::report::{Failure, Outcome};
 #[command(next_help_heading = "Illustration")]
 pub(crate) struct Illustrate {
     /// Draws lines around what stands before something else or before nothing, and where spheres cut each other. WIDTH is in pixels of a picture of
-    /// 1080 rows, and grows with the picture; 0 draws none [default: 2; without this flag none]
+    /// 1080 rows, and grows with the picture; 0 draws none [default: 2; without this flag none, of --look toon 2]
     #[arg(long, value_name = "WIDTH", num_args = 0..=1, default_missing_value = "2")]
     pub(crate) outline: Option<f32>,
     /// Color of the lines: #rrggbb or a color's name [default: black]
@@ -63,9 +64,10 @@ impl Illustrate {
     }
 
     /// The lines, if there are any.
-    fn contours(&self) -> Outcome<Option<Contours>> {
+    fn contours(&self, look: LightLook) -> Outcome<Option<Contours>> {
         let usual = Contours::default();
-        let width = self.outline.unwrap_or(0.0);
+        let of_look = if look == LightLook::Toon { usual.width } else { 0.0 };
+        let width = self.outline.unwrap_or(of_look);
         if width == 0.0 {
             let flags = [
                 ("--outline-color", self.outline_color.is_some()),
@@ -90,7 +92,7 @@ impl Illustrate {
 /// What is to be drawn. Fails if it cannot be.
 pub(crate) fn illustration(args: &args::Render) -> Outcome<Illustration> {
     let given = &args.illustrate;
-    let (contours, halo) = (given.contours()?, given.halo());
+    let (contours, halo) = (given.contours(args.look.look)?, given.halo());
     let depth_cue = given.depth_cue.filter(|amount| *amount != 0.0);
     if given.depth_range.is_some() && halo.is_none() && depth_cue.is_none() {
         let text = "--depth-range is that of --depth-cue and --halo — give one of them too";

@@ -101,7 +101,8 @@ impl Layer {
                 Some(Lighting::Paths(Paths { key, ..*paths }))
             }
             (Self::Direct | Self::Ambient, _) => {
-                let allowed = "direct and ambient light are those of looks other than headlight and flat";
+                let allowed =
+                    "direct and ambient light are those of looks other than headlight, flat and toon";
                 return Err(Error::setting("--layers", self.name(), allowed).into());
             }
             _ => None,

@@ -130,6 +130,8 @@ pub(crate) enum LightLook {
     Headlight,
     /// The pure colors
     Flat,
+    /// Light in three levels, with --outline, as if drawn
+    Toon,
     /// Even surfaces that light each other
     Matte,
     /// Matte under a clear coat
@@ -173,6 +175,7 @@ pub(crate) fn look(name: LightLook) -> Option<looks::Look> {
         LightLook::Default => Look::Default,
         LightLook::Headlight => Look::Headlight,
         LightLook::Flat => Look::Flat,
+        LightLook::Toon => Look::Toon,
         LightLook::Matte => Look::Matte,
         LightLook::Glossy => Look::Glossy,
         LightLook::Metal => Look::Metal,
@@ -213,13 +216,18 @@ pub(crate) fn adjustments(args: &args::Render, camera: &Camera) -> Adjustments {
 pub(crate) fn traced_by(args: &args::Render) -> Option<&'static str> {
     let look = &args.look;
     match look.look {
-        LightLook::Headlight | LightLook::Flat => None,
+        LightLook::Headlight | LightLook::Flat | LightLook::Toon => None,
         LightLook::Default if look.aperture.is_some() => Some("--aperture"),
         LightLook::Default if look.bounces.is_some() => Some("--bounces"),
         LightLook::Default if args.medium.method == MethodName::Reference => Some("--method path"),
         LightLook::Default => None,
         _ => Some("this look"),
     }
+}
+
+/// The option that has light that cards do not draw, if one does.
+pub(crate) fn beyond_cards(args: &args::Render) -> Option<&'static str> {
+    traced_by(args).or((args.look.look == LightLook::Toon).then_some("--look toon"))
 }
 
 /// What is traced, in words; none if light is not.
@@ -239,14 +247,14 @@ pub(crate) fn check(args: &args::Render) -> Result<()> {
     let look = &args.look;
     let is_traced = traced_by(args).is_some();
     let (has_roughness, has_index) = match look.look {
-        LightLook::Default | LightLook::Headlight | LightLook::Flat => (is_traced, false),
+        LightLook::Default | LightLook::Headlight | LightLook::Flat | LightLook::Toon => (is_traced, false),
         LightLook::Glass | LightLook::Water => (false, true),
         LightLook::Glossy => (true, true),
         _ => (true, false),
     };
     let refused = [
-        ("--bounces", look.bounces.is_some(), is_traced, "a look other than headlight and flat"),
-        ("--aperture", look.aperture.is_some(), is_traced, "a look other than headlight and flat"),
+        ("--bounces", look.bounces.is_some(), is_traced, "a look other than headlight, flat and toon"),
+        ("--aperture", look.aperture.is_some(), is_traced, "a look other than headlight, flat and toon"),
         (
             "--roughness",
             look.roughness.is_some(),

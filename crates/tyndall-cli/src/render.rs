@@ -225,7 +225,7 @@ impl<'a> Job<'a> {
                     structure,
                     culling,
                     build: args.method.build,
-                    beyond_cards: beyond.or(looks::traced_by(args)).or(of_picture),
+                    beyond_cards: beyond.or(looks::beyond_cards(args)).or(of_picture),
                 },
                 report,
             )?,
@@ -252,7 +252,7 @@ impl<'a> Job<'a> {
             }
             count => Work::of_count(count, self.structure, self.settings),
         };
-        let traced = !matches!(self.args.look.look, LightLook::Headlight | LightLook::Flat);
+        let traced = !matches!(self.args.look.look, LightLook::Headlight | LightLook::Flat | LightLook::Toon);
         let work = self.held(Work { traced, ..work });
         self.check_memory(&work, if known > 0 { Reading::Parts } else { Reading::Whole })?;
         dry_run::tell(&work, pictures.len(), self.report)

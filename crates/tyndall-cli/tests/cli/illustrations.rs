@@ -31,6 +31,9 @@ fn lines_are_drawn_as_wide_and_in_the_color_that_is_said() {
     for (row, part) in part.chunks_exact(40 * 3).enumerate() {
         assert_eq!(*part, whole[((row + 10) * 96 + 20) * 3..][..40 * 3], "{row}");
     }
+    // A look brings its own.
+    assert_ne!(picture("toon.png", "--look toon"), picture("bare.png", "--look toon --outline 0"));
+    assert_eq!(picture("toon.png", "--look toon"), picture("same.png", "--look toon --outline"));
     // With the names of the flags in a scene.
     folder.file("a.toml", "[illustration]\noutline = 60\noutline-color = \"red\"\n");
     picture("scene.png", "a.toml");

@@ -78,14 +78,16 @@ fn what_a_look_has_not_is_refused() {
     let folder = Folder::new();
     folder.file("a.xyz", line_of(5));
     for (words, parts) in [
-        ("--look flat --bounces 2", ["--bounces", "other than headlight and flat"]),
-        ("--look headlight --aperture 1", ["--aperture", "other than headlight and flat"]),
+        ("--look flat --bounces 2", ["--bounces", "other than headlight, flat and toon"]),
+        ("--look headlight --aperture 1", ["--aperture", "other than headlight, flat and toon"]),
         ("--look metal --refraction 1.5", ["--refraction", "glossy, glass or water"]),
         ("--look glass --roughness 0.5", ["--roughness", "--look matte"]),
         ("--roughness 0.5", ["--roughness", "--look matte"]),
         ("--look metal --roughness 0", ["--roughness", "between 0.02 and 1"]),
         ("--look water --refraction 0.9", ["--refraction", "above 1"]),
         ("--look matte --device gpu", ["--device", "this look"]),
+        ("--look toon --device gpu", ["--device", "--look toon"]),
+        ("--look toon --bounces 1", ["--bounces", "other than headlight, flat and toon"]),
         ("--aperture 1 --focus 0", ["--focus", "distance greater than 0"]),
         ("--aperture 1 --eye 9,9,9 --look-at 0,0,0 --focus 20,20,20", ["--focus", "in front of the eye"]),
         ("--noise 0.6@3", ["position noise", "--noise 1%"]),

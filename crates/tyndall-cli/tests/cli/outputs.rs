@@ -73,7 +73,9 @@ fn an_exr_has_the_layers_that_are_asked_for() {
 
     folder.render("a.xyz -o a.png --layers normal").fails(2, &["--layers is for .exr"]);
     folder.render("a.xyz -o a.exr --layers value --color red").fails(2, &["--color ATTRIBUTE"]);
-    folder.render("a.xyz -o a.exr --layers direct --look flat").fails(2, &["other than headlight and flat"]);
+    folder
+        .render("a.xyz -o a.exr --layers direct --look flat")
+        .fails(2, &["other than headlight, flat and toon"]);
     folder.render("a.xyz -o a.exr --layers transmittance").fails(2, &["--layers cannot be 'transmittance'"]);
     folder.render("synthetic:cloud1?n=500 --mode medium -o a.exr --layers normal").fails(2, &["--layers"]);
 }
@@ -117,7 +119,7 @@ fn a_jpeg_is_opaque() {
 fn a_picture_that_is_too_large_for_the_memory_is_written_in_bands() {
     let folder = Folder::new();
     folder.file("a.xyz", line_of(6));
-    for words in ["--look flat --background none", "--bits 16"] {
+    for words in ["--look flat --background none", "--bits 16", "--look toon --depth-cue"] {
         let words = format!("--size 300x211 --samples 4 {WORDS} {words}");
         folder.line(&format!("render a.xyz -o a.png {words}")).fine();
         folder.line(&format!("render a.xyz -o b.png {words} --memory 2M")).fine();

@@ -56,6 +56,9 @@ pub(crate) fn sky_radiance(sky: &Sky, toward: Vec3) -> f32 {
     4.0 * sky_brightness(sky, toward)
 }
 
+/// How bright surfaces are that face a light in levels, from the least cosine on that stands first; the later of two counts.
+pub(crate) const TOON_LEVELS: [[f32; 2]; 3] = [[f32::NEG_INFINITY, 0.3], [0.0, 0.6], [0.5, 1.0]];
+
 /// Radiance of the sky in a direction.
 #[inline(always)]
 pub(crate) fn sky_brightness(sky: &Sky, toward: Vec3) -> f32 {

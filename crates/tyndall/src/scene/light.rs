@@ -38,6 +38,11 @@ pub enum Lighting {
     Paths(Paths),
     /// None: the pure color.
     Flat,
+    /// A light in three levels, without shadows: what faces it within 60 degrees has the pure color, what faces it less, or not, is darker.
+    Toon {
+        /// Unit direction toward it.
+        toward: Vec3,
+    },
 }
 
 /// Light by path tracing: what surfaces are made of, and how far light is followed.
@@ -86,7 +91,7 @@ impl Lighting {
     pub(crate) fn check(&self) -> Result<()> {
         match self {
             Self::Paths(paths) => paths.check(),
-            Self::Headlight | Self::Studio(..) | Self::Flat => Ok(()),
+            Self::Headlight | Self::Studio(..) | Self::Flat | Self::Toon { .. } => Ok(()),
         }
     }
 

@@ -15,6 +15,8 @@ pub enum Look {
     Headlight,
     /// The pure colors.
     Flat,
+    /// The key light in three levels, as if drawn.
+    Toon,
     /// Even surfaces that light each other.
     Matte,
     /// Matte under a clear coat.
@@ -60,7 +62,7 @@ impl Look {
             Self::Default => {
                 adjustments.traced || adjustments.lens.is_some() || adjustments.bounces.is_some()
             }
-            Self::Headlight | Self::Flat => false,
+            Self::Headlight | Self::Flat | Self::Toon => false,
             _ => true,
         }
     }
@@ -77,6 +79,7 @@ impl Look {
         let (material, (key, sky)) = match self {
             Self::Headlight => return Lighting::Headlight,
             Self::Flat => return Lighting::Flat,
+            Self::Toon => return Lighting::Toon { toward: key.toward },
             Self::Default if !self.is_traced(adjustments) => return studio,
             Self::Default | Self::Matte => (matte(0.0), (key, sky)),
             Self::Glossy => (Material::Glossy { roughness: 0.3, index: 1.5 }, (key, sky)),

@@ -49,6 +49,23 @@ fn a_sphere_covers_its_disc_and_is_as_bright_as_its_cosine() {
 }
 
 #[test]
+fn light_in_levels_has_as_much_of_each_as_the_sphere_faces_it() {
+    // From the side: what faces the light within 60 degrees is a segment of the disc beyond half its radius; half of the disc is away from it.
+    let image = picture(&[DVec3::ZERO], 1.0, Lighting::Toon { toward: Vec3::X }, 64);
+    let pixel_area = (4.0_f32 / 64.0).powi(2);
+    let light = pixel_area * image.color.iter().map(|color| color[0]).sum::<f32>();
+    let segment = PI / 3.0 - 3.0_f32.sqrt() / 4.0;
+    let exact = segment + 0.6 * (0.5 * PI - segment) + 0.3 * 0.5 * PI;
+    assert!((light - exact).abs() < 0.004, "{light} {exact}");
+    for (x, level) in [(0.8, 1.0), (0.25, 0.6), (-0.25, 0.3), (-0.8, 0.3)] {
+        assert_eq!(image.color[pixel(x, 0.1)], [level, 0.5 * level, 0.25 * level, 1.0], "{x}");
+    }
+    // Edges between levels are smooth.
+    let between = image.color[pixel(0.5, 0.1)][0];
+    assert!(between > 0.6 && between <= 1.0 && image.color[pixel(0.001, 0.1)][0] < 1.0);
+}
+
+#[test]
 fn depth_is_the_distance_from_the_plane_through_the_eye() {
     let image = picture(&[DVec3::ZERO], 1.0, Lighting::Flat, 1);
     for y in 0..64 {

@@ -27,7 +27,7 @@ use rayon::prelude::*;
 
 use super::certified::{Counts, Options};
 use super::confidence::{Histogram, Pixel};
-use super::shade::{key_radiance, mean_of, sky_radiance};
+use super::shade::{TOON_LEVELS, key_radiance, mean_of, sky_radiance};
 use crate::film::{Image, Window};
 use crate::progress::Progress;
 use crate::render::sampling::{Nearness, Samples};
@@ -408,8 +408,7 @@ fn render_film_tile<S: Simd>(
     if pass.first == 0 {
         film_tile.sum = [[0.0; 4]; FILM_PIXELS];
     }
-    let is_lit_at_once = matches!(pass.lighting, Some(Lighting::Headlight | Lighting::Flat));
-    let is_lit_later = pass.lighting.is_some() && !is_lit_at_once;
+    let is_lit_later = matches!(pass.lighting, Some(Lighting::Studio(..) | Lighting::Paths(_)));
     let tile_px = pass.tile_px();
     for y in (0..FILM_EDGE).step_by(tile_px) {
         for x in (0..FILM_EDGE).step_by(tile_px) {
@@ -422,7 +421,7 @@ fn render_film_tile<S: Simd>(
             for block in 0..BLOCKS {
                 let first = (y + block / EDGE * pass.block_px) * FILM_EDGE + x + block % EDGE * pass.block_px;
                 keep_nearest(pass, block, first, film_tile, &scratch.tile);
-                if !is_lit_at_once {
+                if is_lit_later || pass.lighting.is_none() {
                     continue;
                 }
                 let at = block_at(block % EDGE, block / EDGE);
@@ -440,7 +439,7 @@ fn render_film_tile<S: Simd>(
     match &pass.lighting {
         Some(Lighting::Studio(key, sky)) => light(simd, pass, (key, sky), film_tile, scratch),
         Some(Lighting::Paths(paths)) => paths::light(simd, pass, paths, film_tile, &scratch.hits),
-        Some(Lighting::Headlight | Lighting::Flat) | None => {}
+        Some(Lighting::Headlight | Lighting::Flat | Lighting::Toon { .. }) | None => {}
     }
 }
 
@@ -514,12 +513,19 @@ fn find_hits<S: Simd>(
     }
 }
 
-/// Adds what a block's rays met to the film, by the cosine to the eye or flat; the block's first pixel is `first`.
+/// Adds what a block's rays met to the film, by the cosine to the eye, in levels or flat; the block's first pixel is `first`.
 #[simd]
 fn draw<S: Simd>(simd: S, pass: &Pass, met: &Met<S>, first: usize, film_tile: &mut FilmTile) {
     let zero = f32x16::splat(simd, 0.0);
     let brightness = match &pass.lighting {
         Some(Lighting::Headlight) => met.cosine.max(zero),
+        Some(Lighting::Toon { toward }) => {
+            let cosine = met.normal.dot(Lanes3::splat(simd, *toward));
+            TOON_LEVELS.iter().fold(zero, |before, &[least, level]| {
+                let level = f32x16::splat(simd, level);
+                cosine.simd_ge(f32x16::splat(simd, least)).select(level, before)
+            })
+        }
         _ => f32x16::splat(simd, 1.0),
     };
     let brightness = met.hits.select(brightness, zero);

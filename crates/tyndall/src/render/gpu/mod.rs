@@ -252,6 +252,10 @@ impl Picture {
                 let allowed = "default, headlight or flat on the GPU; --device cpu follows paths of light";
                 return Err(Error::setting("--look", "traced by paths", allowed));
             }
+            Lighting::Toon { .. } => {
+                let allowed = "default, headlight or flat on the GPU; --device cpu has light in levels";
+                return Err(Error::setting("--look", "toon", allowed));
+            }
         };
         // Texts are long: those of a picture are not put together for every pass.
         let is_made = |(kernels, of, with, walked): &&(Kernels, Sampling, &str, Walk)| {
@@ -293,7 +297,7 @@ impl Picture {
         let mut lighting = layout::FLAT;
         match &seen.scene.lighting {
             Lighting::Headlight => lighting = layout::HEADLIGHT,
-            Lighting::Flat | Lighting::Paths(_) => {}
+            Lighting::Flat | Lighting::Paths(_) | Lighting::Toon { .. } => {}
             Lighting::Studio(key, sky) => {
                 for (pair, sample) in lights.chunks_exact_mut(2).zip(0..added.count) {
                     let light = light_sample(key, added.seed, added.first + sample);
