@@ -41,7 +41,7 @@ fn left_out(path: &std::path::Path, wanted: &Wanted) -> usize {
 
 fn wanted(coloring: &str, filters: &[&str]) -> Wanted {
     let filters = filters.iter().map(|it| it.parse().unwrap()).collect();
-    Wanted { coloring: coloring.parse().unwrap(), filters, quantities: Vec::new(), radii: true }
+    Wanted { coloring: coloring.parse().unwrap(), filters, quantities: vec![], radii: true, vectors: vec![] }
 }
 
 #[test]

@@ -32,7 +32,7 @@ impl Drawn {
             scene.opaque(|id, opacity| opacity >= 1.0 || shuffled_number(seed, id, sample) < opacity)
         };
         let has_secondary = match &scene.lighting {
-            Lighting::Headlight | Lighting::Flat => false,
+            Lighting::Headlight | Lighting::Flat | Lighting::Toon { .. } => false,
             Lighting::Studio(..) => true,
             // Within clear bodies light goes on from what was seen.
             Lighting::Paths(paths) => !matches!(paths.material, Material::Clear { .. }),

@@ -11,7 +11,7 @@ use crate::scene::camera::{Camera, Projection};
 use crate::scene::light::{Lens, Lighting};
 use crate::scene::looks::{Adjustments, Look};
 use crate::structure::Kind;
-use crate::structure::bonds::Segment;
+use crate::structure::shapes::Segment;
 use glam::{DVec3, Vec3};
 
 const RED: [f32; 3] = [1.0, 0.0, 0.0];

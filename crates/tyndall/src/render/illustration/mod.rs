@@ -164,6 +164,7 @@ impl Illustration {
             return Ok(());
         }
         self.check()?;
+        scene.check_same("with --outline, --halo and --depth-cue, which know one depth of each place")?;
         if matches!(scene.lighting, Lighting::Paths(Paths { lens: Some(_), .. })) {
             return Err(Error::setting(
                 "--outline",
