@@ -14,7 +14,7 @@ use crate::report::{Failure, Outcome};
 #[command(next_help_heading = "Illustration")]
 pub(crate) struct Illustrate {
     /// Draws lines around what stands before something else or before nothing, and where spheres cut each other. WIDTH is in pixels of a picture of
-    /// 1080 rows, and grows with the picture; 0 draws none [default: 2; without this flag none, of --look toon 2]
+    /// 1080 rows, and grows with the picture; around what is small lines are thinner, at most a third of its radius; 0 draws none [default: 2; without this flag none, of --look toon 2]
     #[arg(long, value_name = "WIDTH", num_args = 0..=1, default_missing_value = "2")]
     pub(crate) outline: Option<f32>,
     /// Color of the lines: #rrggbb or a color's name [default: black]

@@ -3,7 +3,7 @@
 use super::{Folder, line_of, png};
 
 /// Three spheres in a row, the middle one before the others.
-const VIEW: &str = "--view y --ortho 4 --look-at 1,0.25,-0.5 --radius 0.45 --look flat --color #808080";
+const VIEW: &str = "--view y --ortho 2 --look-at 1,0.25,-0.5 --radius 0.45 --look flat --color #808080";
 
 /// How many pixels are of a color.
 fn count(folder: &Folder, name: &str, color: [u8; 3]) -> usize {
@@ -21,8 +21,8 @@ fn lines_are_drawn_as_wide_and_in_the_color_that_is_said() {
     let plain = picture("plain.png", "");
     assert_eq!(picture("none.png", "--outline 0"), plain);
     assert_ne!(picture("thin.png", "--outline"), plain);
-    picture("wide.png", "--outline 60 --outline-color red");
-    picture("wider.png", "--outline 100 --outline-color red");
+    picture("wide.png", "--outline 40 --outline-color red");
+    picture("wider.png", "--outline 80 --outline-color red");
     let [wide, wider] = ["wide.png", "wider.png"].map(|name| count(&folder, name, [255, 0, 0]));
     assert!(wide > 150 && wider > wide * 4 / 3, "{wide} {wider}");
     // A part is that of the whole.
@@ -35,7 +35,7 @@ fn lines_are_drawn_as_wide_and_in_the_color_that_is_said() {
     assert_ne!(picture("toon.png", "--look toon"), picture("bare.png", "--look toon --outline 0"));
     assert_eq!(picture("toon.png", "--look toon"), picture("same.png", "--look toon --outline"));
     // With the names of the flags in a scene.
-    folder.file("a.toml", "[illustration]\noutline = 60\noutline-color = \"red\"\n");
+    folder.file("a.toml", "[illustration]\noutline = 40\noutline-color = \"red\"\n");
     picture("scene.png", "a.toml");
     assert_eq!(png(&folder.path("scene.png")).0, png(&folder.path("wide.png")).0);
 }

@@ -109,6 +109,12 @@ fn lines_stand_where_depth_jumps_or_surfaces_cut_each_other() {
     assert_eq!(at(&cutting(1.0, 0.1), 2.0, 0.0), 0.0);
     // Smaller than the line and its jump.
     assert_eq!(at(&cutting(0.6, 0.42), 5.0, 0.0), 0.0);
+    // A third of the radius is the widest: 0.2 at most, of which half lies outside.
+    let small = spheres(&[([0.0; 3], 0.6)], Some([1.0; 3]));
+    let found = covered(&small, 64, lines(100.0, 2.0));
+    let area = found.iter().sum::<f32>() / 256.0;
+    let exact = std::f32::consts::TAU * 0.6 * 0.2;
+    assert!((area / exact - 1.0).abs() < 0.02, "{area} {exact}");
 }
 
 #[test]

@@ -38,7 +38,8 @@ const BLOCK: u32 = 256;
 /// Lines where a surface ends in front of another one or of nothing, and where surfaces cut each other.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Contours {
-    /// Pixels across, half of them on either side of the edge, in a picture of [`REFERENCE_ROWS`] rows; above 0, at most 100.
+    /// Pixels across, half of them on either side of the edge, in a picture of [`REFERENCE_ROWS`] rows; above 0, at most 100. Around a particle a line is no wider than a third
+    /// of its radius, so that what is small is not hidden by lines.
     pub width: f32,
     /// Linear RGB.
     pub color: [f32; 3],
