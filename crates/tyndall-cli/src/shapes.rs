@@ -26,8 +26,8 @@ pub(crate) struct Shapes {
     /// Color of a mesh, #rrggbb or a color's name: one for all, or repeated, one for each [default: #b8b8b8]
     #[arg(long, value_name = "COLOR", value_parser = coloring::color, requires = "mesh")]
     mesh_color: Vec<[u8; 3]>,
-    /// Particles as ellipsoids: by shapex shapey shapez (diameters) and quatw quati quatj quatk of LAMMPS, if the file has them (auto); none for spheres; or by
-    /// attributes of three half axes, and of a quaternion, w first: HALF_AXES or HALF_AXES,QUATERNION
+    /// Particles as ellipsoids or superquadrics, if the file has what LAMMPS (shapex quatw) or LIGGGHTS (shapex quat1 blockiness1) writes (auto); none for
+    /// spheres; or by attributes of three half axes, of a quaternion, w first, and of two exponents: HALF_AXES, HALF_AXES,QUATERNION or all three
     #[arg(long, value_name = "WHICH", default_value = "auto")]
     ellipsoids: Shaping,
     /// An arrow of a vector attribute at each particle, from its center and in its color: a name such as v, of an attribute with two or three numbers or
@@ -64,8 +64,10 @@ impl Shapes {
     /// Vectors that are drawn, by their names.
     pub(crate) fn vectors(&self) -> Vec<String> {
         let of_ellipsoids = match &self.ellipsoids {
-            Shaping::Given { half_axes, turn } => [Some(half_axes), turn.as_ref()],
-            Shaping::Auto | Shaping::Spheres => [None, None],
+            Shaping::Given { half_axes, turn, exponents } => {
+                [Some(half_axes), turn.as_ref(), exponents.as_ref()]
+            }
+            Shaping::Auto | Shaping::Spheres => [None; 3],
         };
         self.arrows.iter().chain(of_ellipsoids.into_iter().flatten()).cloned().collect()
     }

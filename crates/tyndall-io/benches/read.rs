@@ -87,6 +87,7 @@ fn lammps_positions(bencher: Bencher) {
         filters: Vec::new(),
         quantities: Vec::new(),
         radii: false,
+        vectors: Vec::new(),
     };
     read_with(bencher, &dump(), &Options { wanted: Some(wanted), ..Options::default() });
 }

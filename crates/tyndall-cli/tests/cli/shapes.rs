@@ -105,6 +105,14 @@ fn particles_that_the_file_has_as_ellipsoids_are_ellipsoids() {
     folder.line("build a.dump -o a.tyn").fine();
     folder.render(&format!("a.tyn -o t.png {VIEW}")).fine();
     assert!(png(&folder.path("t.png")).0 == png(&folder.path("a.png")).0);
+    // What LIGGGHTS has are half axes, and exponents: a box and an octahedron, whose corners are drawn or not.
+    let rows = ["1 1 -3 0 0 1.5 1.5 1 1 0 0 0 100 100", "2 1 3 0 0 1.5 1.5 1 1 0 0 0 1 1"];
+    let columns = "id type x y z shapex shapey shapez quat1 quat2 quat3 quat4 blockiness1 blockiness2";
+    folder.file("b.dump", dump(columns, 4.0, &rows));
+    let said = folder.render(&format!("b.dump -o b.png {VIEW}")).fine();
+    assert!(said.contains("2 superquadrics by half axes shapex shapey shapez quat1 blockiness1"), "{said}");
+    let seen_b = [[-2, 1], [-4, -1], [4, 1], [4, 0]].map(|at| color(&folder, "b.png", at));
+    assert_eq!(seen_b, [red, red, none, red]);
     let said = folder.render("a.dump -o p.png --panorama").fine();
     assert!(said.contains("note: the file has ellipsoids, which are spheres with --panorama"), "{said}");
 }
@@ -135,7 +143,7 @@ fn shapes_that_cannot_be_are_refused() {
         ("--arrows v --arrow-scale -1", 2, vec!["a number greater than 0"]),
         ("--arrows-only", 2, vec!["--arrows"]),
         ("--ellipsoids axes", 2, vec!["--ellipsoids cannot be 'axes'", "3 numbers a particle"]),
-        ("--ellipsoids a,b,c", 2, vec!["auto, none, HALF_AXES or HALF_AXES,QUATERNION"]),
+        ("--ellipsoids a,b,c,d", 2, vec!["auto, none, HALF_AXES, HALF_AXES,QUATERNION or"]),
         ("--ellipsoids a --panorama", 2, vec!["leave out --ellipsoids"]),
         ("--arrows v --mode medium", 2, vec!["--arrows is for spheres"]),
     ] {

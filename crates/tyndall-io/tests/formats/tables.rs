@@ -175,6 +175,7 @@ fn only_the_wanted_columns_are_read() {
         filters: vec![],
         quantities: vec![],
         radii: false,
+        vectors: vec![],
     };
     for name in SAMPLES {
         let options = Options { wanted: Some(wanted("half")), ..Options::default() };

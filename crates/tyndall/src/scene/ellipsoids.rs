@@ -1,7 +1,8 @@
-//! Which particles are ellipsoids, by attributes of their half axes and how they are turned.
+//! Which particles are ellipsoids or superquadrics, by attributes of their half axes, how they are turned, and their exponents.
 //!
 //! Sources: LAMMPS, `compute property/atom`: `shapex` to `shapez` are diameters, `quatw` to `quatk` the quaternion, which turns from the body to the
-//! space; OVITO reads dumps of them as `c_shape` and `c_orient`, the latter with w last.
+//! space; OVITO reads dumps of them as `c_shape` and `c_orient`, the latter with w last. LIGGGHTS has half axes in `shapex` to `shapez`, the quaternion in
+//! `quat1` to `quat4`, and exponents in `blockiness1` and `blockiness2`, which tell its files from those of LAMMPS.
 
 use std::str::FromStr;
 
@@ -24,12 +25,14 @@ pub enum Shaping {
     Auto,
     /// Nothing: all are spheres.
     Spheres,
-    /// A vector attribute of half axes, and one of quaternions, w first.
+    /// A vector attribute of half axes, one of quaternions, w first, and one of exponents.
     Given {
         /// Half axes along x, y and z before the particle is turned.
         half_axes: String,
         /// How it is turned; without it, it is not.
         turn: Option<String>,
+        /// Exponents n1 and n2: see [`Ellipsoid::exponents`]; without them it is an ellipsoid.
+        exponents: Option<String>,
     },
 }
 
@@ -41,11 +44,14 @@ impl FromStr for Shaping {
         match names[..] {
             ["auto"] => Ok(Self::Auto),
             ["none"] => Ok(Self::Spheres),
-            [axes] if !axes.is_empty() => Ok(Self::Given { half_axes: axes.into(), turn: None }),
-            [axes, turn] if !axes.is_empty() && !turn.is_empty() => {
-                Ok(Self::Given { half_axes: axes.into(), turn: Some(turn.into()) })
+            [half_axes, ref rest @ ..] if rest.len() < 3 && names.iter().all(|name| !name.is_empty()) => {
+                let name = |place: usize| rest.get(place).map(|name| name.to_string());
+                Ok(Self::Given { half_axes: half_axes.into(), turn: name(0), exponents: name(1) })
             }
-            _ => Err(Error::setting("--ellipsoids", text, "auto, none, HALF_AXES or HALF_AXES,QUATERNION")),
+            _ => {
+                let allowed = "auto, none, HALF_AXES, HALF_AXES,QUATERNION or HALF_AXES,QUATERNION,EXPONENTS";
+                Err(Error::setting("--ellipsoids", text, allowed))
+            }
         }
     }
 }
@@ -64,11 +70,14 @@ pub struct Ellipsoids {
 /// What LAMMPS calls diameters.
 const SHAPES: [[&str; 3]; 2] = [["shapex", "shapey", "shapez"], ["c_shape[1]", "c_shape[2]", "c_shape[3]"]];
 /// What it calls quaternions, here with w first.
-const TURNS: [[&str; 4]; 3] = [
+const TURNS: [[&str; 4]; 4] = [
     ["quatw", "quati", "quatj", "quatk"],
+    ["quat1", "quat2", "quat3", "quat4"],
     ["c_quat[1]", "c_quat[2]", "c_quat[3]", "c_quat[4]"],
     ["c_orient[4]", "c_orient[1]", "c_orient[2]", "c_orient[3]"],
 ];
+/// What LIGGGHTS calls exponents; where they are, `shapex` to `shapez` are half axes.
+const EXPONENTS: [&str; 2] = ["blockiness1", "blockiness2"];
 /// No half axis is a smaller share of the longest: flatter ones would be lost to rounding.
 const FLATTEST: f64 = 1e-3;
 /// Ellipsoids that are looked at for how far they reach.
@@ -76,7 +85,7 @@ const SAMPLES: usize = 10_000;
 
 /// Whether an attribute of that name may be looked at.
 pub(super) fn is_named(name: &str) -> bool {
-    SHAPES.iter().flatten().chain(TURNS.iter().flatten()).any(|known| *known == name)
+    SHAPES.iter().flatten().chain(TURNS.iter().flatten()).chain(&EXPONENTS).any(|known| *known == name)
 }
 
 /// Finds ellipsoids, which would be these spheres otherwise; without any half axes there are none. All are scaled as radii are.
@@ -84,21 +93,26 @@ pub(super) fn is_named(name: &str) -> bool {
 /// Fails with [`Error::Setting`] if an attribute is asked for that is not there.
 pub fn find(spheres: Spheres, shaping: &Shaping) -> Result<Option<Ellipsoids>> {
     let particles = spheres.particles;
-    let (half_axes, turn, factor, by): (Vec<Column>, Vec<Column>, f64, String) = match shaping {
+    let (half_axes, turn, exponents, factor, by): Found = match shaping {
         Shaping::Spheres => return Ok(None),
         Shaping::Auto => {
             let Some(axes) = SHAPES.iter().find_map(|names| scalars(particles, names)) else {
                 return Ok(None);
             };
             let turn = TURNS.iter().find_map(|names| scalars(particles, names)).unwrap_or_default();
-            let by = axes.iter().chain(turn.first()).map(|it| it.name.as_str()).collect::<Vec<_>>().join(" ");
-            (own(axes), own(turn), 0.5, format!("diameters {by}"))
+            let exponents = scalars(particles, &EXPONENTS).unwrap_or_default();
+            let all = axes.iter().chain(turn.first()).chain(exponents.first());
+            let by = all.map(|it| it.name.as_str()).collect::<Vec<_>>().join(" ");
+            let (factor, what) = if exponents.is_empty() { (0.5, "diameters") } else { (1.0, "half axes") };
+            (own(axes), own(turn), own(exponents), factor, format!("{what} {by}"))
         }
-        Shaping::Given { half_axes, turn } => {
-            let by = turn.as_ref().map_or(String::new(), |turn| format!(" turned by {turn}"));
+        Shaping::Given { half_axes, turn, exponents } => {
+            let more = turn.iter().chain(exponents).map(|name| format!(" {name}")).collect::<String>();
+            let given = |name: &Option<String>, count| {
+                name.as_ref().map_or(Ok(Vec::new()), |name| vector(particles, name, count))
+            };
             let axes = vector(particles, half_axes, 3)?;
-            let turn = turn.as_ref().map_or(Ok(Vec::new()), |turn| vector(particles, turn, 4))?;
-            (axes, turn, 1.0, format!("half axes {half_axes}{by}"))
+            (axes, given(turn, 4)?, given(exponents, 2)?, 1.0, format!("half axes {half_axes}{more}"))
         }
     };
     let factor = factor * f64::from(spheres.radius_scale);
@@ -114,7 +128,12 @@ pub fn find(spheres: Spheres, shaping: &Shaping) -> Result<Option<Ellipsoids>> {
         let turn = DQuat::from_xyzw(x, y, z, w);
         let is_turned = turn.is_finite() && turn.length() > 1e-9;
         let turn = if is_turned { turn.normalize() } else { DQuat::IDENTITY };
-        (Ellipsoid { particle: id as u32, half_axes: axes, turn }, is_shaped)
+        let exponents = match (is_shaped, &exponents[..]) {
+            (true, [one, other]) => [one, other].map(|it| it.value(id).clamp(1.0, Ellipsoid::MOST_EXPONENT)),
+            _ => Ellipsoid::ROUND,
+        };
+        let exponents = if exponents.iter().any(|it| it.is_nan()) { Ellipsoid::ROUND } else { exponents };
+        (Ellipsoid { particle: id as u32, half_axes: axes, turn, exponents }, is_shaped)
     };
     let found: Vec<(Ellipsoid, bool)> = (0..particles.len()).into_par_iter().map(ellipsoid).collect();
     let shaped = found.iter().filter(|(_, is_shaped)| *is_shaped).count();
@@ -124,17 +143,21 @@ pub fn find(spheres: Spheres, shaping: &Shaping) -> Result<Option<Ellipsoids>> {
     let many = |count: usize, thing: &str| {
         format!("{} {thing}{}", grouped(count), if count == 1 { "" } else { "s" })
     };
-    let mut description = format!("{} by {by}", many(shaped, "ellipsoid"));
+    let thing = if exponents.is_empty() { "ellipsoid" } else { "superquadric" };
+    let mut description = format!("{} by {by}", many(shaped, thing));
     if shaped < found.len() {
         description += &format!(", {}", many(found.len() - shaped, "sphere"));
     }
     let ellipsoids: Vec<Ellipsoid> = found.into_iter().map(|(ellipsoid, _)| ellipsoid).collect();
     let mut reaches: Vec<f64> =
-        sampled_ids(ellipsoids.len(), SAMPLES).map(|id| ellipsoids[id].half_axes.max_element()).collect();
+        sampled_ids(ellipsoids.len(), SAMPLES).map(|id| ellipsoids[id].reach()).collect();
     let reach = quantiles(&mut reaches, [0.99]).map_or(0.0, |[reach]| reach);
     description += &format!(", up to {} from the center", short(reach));
     Ok(Some(Ellipsoids { ellipsoids, reach: reach as f32, description }))
 }
+
+/// Half axes, quaternions, exponents, what the first are multiplied with, and all in words.
+type Found<'a> = (Vec<Column<'a>>, Vec<Column<'a>>, Vec<Column<'a>>, f64, String);
 
 /// Numbers of the particles.
 enum Column<'a> {
@@ -164,7 +187,7 @@ fn own(attributes: Vec<&Attribute>) -> Vec<Column<'_>> {
 fn vector<'a>(particles: &'a Particles, name: &str, count: usize) -> Result<Vec<Column<'a>>> {
     let own = particles.attribute(name).filter(|it| it.components == count);
     let part = |place| Quantity::of_name(particles, name, Some(Component::Index(place))).map(Column::Part);
-    let found = (0..count).map(|place| if own.is_some() || count == 3 { part(place) } else { None });
+    let found = (0..count).map(|place| if own.is_some() || count <= 3 { part(place) } else { None });
     found.collect::<Option<Vec<_>>>().ok_or_else(|| {
         let all = vectors(particles);
         let meant = nearest(name, all.iter().map(String::as_str));
@@ -213,6 +236,32 @@ mod tests {
     }
 
     #[test]
+    fn superquadrics_of_liggghts_are_found() {
+        let particles = particles(&[
+            ("shapex", [4.0, 1.0]),
+            ("shapey", [2.0, 1.0]),
+            ("shapez", [1.0, 1.0]),
+            ("quat1", [0.0, 1.0]),
+            ("quat2", [0.0, 0.0]),
+            ("quat3", [1.0, 0.0]),
+            ("quat4", [0.0, 0.0]),
+            ("blockiness1", [8.0, 2.0]),
+            ("blockiness2", [3.0, 2.0]),
+        ]);
+        let spheres = Spheres { particles: &particles, radii: &Radii::Uniform(1.0), radius_scale: 1.0 };
+        let found = find(spheres, &Shaping::Auto).unwrap().unwrap();
+        assert!(
+            found
+                .description
+                .starts_with("2 superquadrics by half axes shapex shapey shapez quat1 blockiness1")
+        );
+        let [one, other] = found.ellipsoids[..] else { panic!("two") };
+        assert_eq!((one.half_axes, one.exponents), (DVec3::new(4.0, 2.0, 1.0), [8.0, 3.0]));
+        assert!((one.turn * DVec3::X).abs_diff_eq(DVec3::NEG_X, 1e-6), "half a turn about y");
+        assert_eq!(other.exponents, Ellipsoid::ROUND);
+    }
+
+    #[test]
     fn attributes_are_named_or_refused() {
         let particles = particles(&[("ax", [1.0, 2.0]), ("ay", [1.0, 1.0]), ("az", [0.0, 1.0])]);
         let spheres = Spheres { particles: &particles, radii: &Radii::Uniform(1.0), radius_scale: 1.0 };
@@ -226,7 +275,7 @@ mod tests {
             "{}",
             said("a,q")
         );
-        for bad in ["", "a,b,c", "a,", ",b"] {
+        for bad in ["", "a,b,c,d", "a,", ",b"] {
             assert!(bad.parse::<Shaping>().is_err(), "{bad}");
         }
     }

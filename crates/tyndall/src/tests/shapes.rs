@@ -1,6 +1,6 @@
 //! Shapes beside particles in pictures, against single rays at every shape and every particle.
 
-use glam::{DVec3, Vec3};
+use glam::{DQuat, DVec3, Vec3};
 
 use super::replicas;
 use super::scenes::Random;
@@ -15,7 +15,7 @@ use crate::scene::light::{KeyLight, Lighting, Sky};
 use crate::scene::looks::{Adjustments, Look};
 use crate::srgb::linear_from_encoded;
 use crate::structure::replicas::Replicas;
-use crate::structure::shapes::{Mesh, Segment};
+use crate::structure::shapes::{Arrow, Ellipsoid, Mesh, Segment};
 use crate::structure::{Kind, Structure};
 use fearless_simd::Level;
 
@@ -49,6 +49,24 @@ fn bonded(
     scene
 }
 
+/// Adds shapes of all other kinds at some of the particles.
+fn furnish(scene: &mut Scene, particles: &Particles) {
+    scene.add_mesh(&walls(particles), [0.2, 0.4, 0.6]).unwrap();
+    let mut random = Random::new(8002);
+    let ids = 0..particles.len().min(12) as u32;
+    let from = |id: u32| particles.positions().offset(id as usize);
+    let arrows: Vec<Arrow> =
+        ids.clone().map(|id| Arrow { from: from(id), vector: random.vector(), particle: id }).collect();
+    scene.add_arrows(&arrows, 0.05).unwrap();
+    let ellipsoid = |id: u32| {
+        let half_axes = DVec3::new(0.1, 0.2, 0.5);
+        let turn = DQuat::from_rotation_arc(DVec3::Z, random.vector().as_dvec3().normalize_or(DVec3::X));
+        let exponents = if id.is_multiple_of(4) { [4.0, 3.0] } else { Ellipsoid::ROUND };
+        Ellipsoid { particle: id, half_axes, turn, exponents }
+    };
+    scene.add_ellipsoids(&ids.filter(|id| id.is_multiple_of(2)).map(ellipsoid).collect::<Vec<_>>()).unwrap();
+}
+
 /// Triangles at some of the particles, one of them without area.
 fn walls(particles: &Particles) -> Mesh {
     let mut random = Random::new(8001);
@@ -65,7 +83,7 @@ fn walls(particles: &Particles) -> Mesh {
 
 #[test]
 fn pictures_show_what_single_rays_meet() {
-    let (mut particles_met, mut bonds_met, mut walls_met) = (0, 0, 0);
+    let (mut particles_met, mut others_met, mut walls_met) = (0, 0, 0);
     for seed in 0..24 {
         let mut random = Random::new(8000 + seed);
         let images = [[1; 3], [2, 1, 2]][seed as usize % 2];
@@ -76,7 +94,7 @@ fn pictures_show_what_single_rays_meet() {
         let view = camera.view(DVec3::ZERO, 37, 23).unwrap();
         for kind in [KINDS[0], KINDS[1], KINDS[2 + seed as usize % 10]] {
             let mut scene = bonded(&particles, &segments, kind, Lighting::Flat, images);
-            scene.add_mesh(&walls(&particles), [0.2, 0.4, 0.6]).unwrap();
+            furnish(&mut scene, &particles);
             let found = image(&scene, &camera, &settings, Level::new());
             for pixel in 0..37 * 23 {
                 let ray = view.ray((pixel % 37) as f32 + 0.5, (pixel / 37) as f32 + 0.5);
@@ -85,7 +103,7 @@ fn pictures_show_what_single_rays_meet() {
                 let wanted = shape.or(particle);
                 particles_met += u32::from(shape.is_none() && particle.is_some());
                 let place = wanted.and_then(|(_, node)| scene.place(node)).map(|place| place as i64);
-                bonds_met += u32::from(shape.is_some() && place.is_some());
+                others_met += u32::from(shape.is_some() && place.is_some());
                 walls_met += u32::from(shape.is_some() && place.is_none());
                 let told = format!("seed {seed}: {kind:?}, pixel {pixel}, {camera:?}");
                 assert_eq!(found.depth[pixel], wanted.map_or(f32::INFINITY, |(depth, _)| depth), "{told}");
@@ -93,8 +111,8 @@ fn pictures_show_what_single_rays_meet() {
             }
         }
     }
-    let told = format!("{particles_met} particles, {bonds_met} bonds, {walls_met} walls");
-    assert!(particles_met > 100 && bonds_met > 400 && walls_met > 200, "{told}");
+    let told = format!("{particles_met} particles, {others_met} other shapes, {walls_met} walls");
+    assert!(particles_met > 100 && others_met > 400 && walls_met > 150, "{told}");
 }
 
 #[test]
@@ -110,7 +128,7 @@ fn light_is_the_same_for_all_structures_and_ways_of_asking() {
         let picture = |kind: Kind, culling: Culling| {
             let settings = Settings { width: 37, height: 23, samples: 20, seed: 1, culling };
             let mut scene = bonded(&particles, &segments, kind, lighting(), images);
-            scene.add_mesh(&walls(&particles), [0.2, 0.4, 0.6]).unwrap();
+            furnish(&mut scene, &particles);
             image(&scene, &camera, &settings, Level::new())
         };
         let expected = picture(Kind::Brute, Culling::Off);
@@ -309,6 +327,29 @@ fn a_mesh_shadows_a_mesh_where_the_light_says() {
         }
     }
     assert!(lit > 500 && dark > 200, "{lit} lit, {dark} in the shadow");
+}
+
+#[test]
+fn an_arrow_or_an_ellipsoid_that_cannot_be_is_refused() {
+    let mut scene = lone(1.0, Lighting::Flat);
+    let arrow = Arrow { from: Vec3::ZERO, vector: Vec3::X, particle: 0 };
+    for radius in [0.0, f32::NAN, f32::INFINITY] {
+        assert!(scene.add_arrows(&[arrow], radius).is_err(), "{radius}");
+    }
+    let round =
+        Ellipsoid { particle: 0, half_axes: DVec3::ONE, turn: DQuat::IDENTITY, exponents: Ellipsoid::ROUND };
+    for wrong in [
+        Ellipsoid { half_axes: DVec3::new(1.0, 0.0, 1.0), ..round },
+        Ellipsoid { half_axes: DVec3::splat(f64::NAN), ..round },
+        Ellipsoid { exponents: [0.9, 2.0], ..round },
+        Ellipsoid { exponents: [2.0, f64::NAN], ..round },
+    ] {
+        assert!(scene.add_ellipsoids(&[wrong]).is_err(), "{wrong:?}");
+    }
+    assert!(scene.shapes().is_none(), "nothing was added");
+    scene.add_ellipsoids(&[round]).unwrap();
+    scene.add_arrows(&[arrow, Arrow { particle: 1, ..arrow }], 0.1).unwrap();
+    assert_eq!(scene.nodes(), 1 + 2 * 3, "there is no particle 1");
 }
 
 #[test]

@@ -139,6 +139,7 @@ fn unoccluded<S: Simd>(
     let span = Span::of(simd, &projected, lit);
     stack.clear();
     stack.push(shadows::Entry::of_all(root, lit));
+    let mut last = None;
     while let Some(entry) = stack.pop() {
         let lanes = entry.lanes & lit;
         if lanes == 0 {
@@ -160,6 +161,10 @@ fn unoccluded<S: Simd>(
             let lane = kept.trailing_zeros() as usize;
             kept &= kept - 1;
             let number = shapes.at((leaf * LEAF + lane) as u32);
+            // Balls of a shape lie side by side: what did not hide these points once does not.
+            if last.replace(number) == Some(number) {
+                continue;
+            }
             let Met { t, meets, .. } = shapes.shape(number).enter(&line);
             let node = first_node.wrapping_add(2 * number);
             let is_own =

@@ -1,11 +1,11 @@
-//! Ellipsoids: unit spheres behind a linear map.
+//! Ellipsoids: unit spheres behind a linear map; and what a particle says of itself that is one, or a superquadric.
 
 use glam::{DQuat, DVec3, Vec3};
 
 use super::Ball;
 use super::number::{Entry, Line, Number, Vector};
 
-/// The shape of a particle that is an ellipsoid around its center.
+/// The shape of a particle that is an ellipsoid around its center, or a superquadric.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Ellipsoid {
     /// The id of the particle.
@@ -14,6 +14,22 @@ pub struct Ellipsoid {
     pub half_axes: DVec3,
     /// How it is turned; of length 1.
     pub turn: DQuat,
+    /// Exponents n1 and n2 of (|x|^n2 + |y|^n2)^(n1/n2) + |z|^n1 = 1, from 1 to [`Ellipsoid::MOST_EXPONENT`]: an ellipsoid has 2 and 2, what is nearly a box
+    /// large ones, what is nearly a cylinder along z a large n1 and 2.
+    pub exponents: [f64; 2],
+}
+
+impl Ellipsoid {
+    /// Exponents of a true ellipsoid.
+    pub const ROUND: [f64; 2] = [2.0; 2];
+    /// Edges of larger exponents are sharper than rounding shows.
+    pub const MOST_EXPONENT: f64 = 100.0;
+
+    /// No point of it is farther from its center: of what has corners, those of the box around it.
+    pub fn reach(&self) -> f64 {
+        let has_corners = self.exponents.iter().any(|exponent| *exponent > 2.0);
+        if has_corners { self.half_axes.length() } else { self.half_axes.max_element() }
+    }
 }
 
 /// An ellipsoid by its center, the rows of the map that makes a unit sphere of it, and its longest half axis.

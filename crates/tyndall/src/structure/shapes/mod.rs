@@ -1,4 +1,4 @@
-//! Exact shapes beside the particles: cylinders of bonds, triangles of meshes, cylinders and cones of arrows, ellipsoids.
+//! Exact shapes beside the particles: cylinders of bonds, triangles of meshes, cylinders and cones of arrows, ellipsoids, superquadrics.
 //!
 //! They stand in a hierarchy of their own, over balls around them or around parts of them, and are asked after the particles. A shape has two
 //! nodes behind those of the particles: bonds have two halves, which belong to the particles that they join.
@@ -8,6 +8,7 @@ mod cylinder;
 mod ellipsoid;
 mod mesh;
 pub(crate) mod number;
+mod superquadric;
 #[cfg(test)]
 mod tests;
 mod triangle;
@@ -26,6 +27,7 @@ pub use ellipsoid::Ellipsoid;
 use ellipsoid::Stretched;
 pub use mesh::Mesh;
 use number::{Entry, Line, Number};
+use superquadric::Superquadric;
 use triangle::Triangle;
 
 /// Where a bond goes, as offsets from the particles' origin, and the ids of the particles that its first and second half belong to.
@@ -73,6 +75,7 @@ pub(crate) enum Shape {
     Cylinder(Cylinder),
     Cone(Cone),
     Ellipsoid(Stretched),
+    Superquadric(Superquadric),
     Triangle(Triangle),
 }
 
@@ -91,6 +94,7 @@ impl Shape {
             Self::Cylinder(cylinder) => cylinder.enter(line),
             Self::Cone(cone) => cone.enter(line),
             Self::Ellipsoid(ellipsoid) => ellipsoid.enter(line),
+            Self::Superquadric(superquadric) => R::by_ray(line, |line| superquadric.enter(line)),
             Self::Triangle(triangle) => triangle.enter(line),
         }
     }
@@ -101,6 +105,7 @@ impl Shape {
             Self::Cylinder(cylinder) => cylinder.surface(point, direction),
             Self::Cone(cone) => cone.surface(point, direction),
             Self::Ellipsoid(ellipsoid) => ellipsoid.surface(point, direction),
+            Self::Superquadric(superquadric) => superquadric.surface(point, direction),
             Self::Triangle(triangle) => triangle.surface(point, direction),
         }
     }
@@ -111,6 +116,7 @@ impl Shape {
             Self::Cylinder(cylinder) => cylinder.radius,
             Self::Cone(cone) => cone.radius,
             Self::Ellipsoid(ellipsoid) => ellipsoid.shortest(),
+            Self::Superquadric(superquadric) => superquadric.shortest(),
             Self::Triangle(_) => 0.0,
         }
     }
@@ -197,17 +203,25 @@ impl Shapes {
 
     /// Adds ellipsoids in place of particles of `structure`.
     ///
-    /// Fails with [`Error::Setting`] if a half axis is not a number above 0, or there are too many.
+    /// Fails with [`Error::Setting`] if a half axis is not a number above 0, an exponent is out of range, or there are too many.
     pub(crate) fn add_ellipsoids(&mut self, structure: &Structure, ellipsoids: &[Ellipsoid]) -> Result<()> {
         let is_wrong = |it: &&Ellipsoid| !(it.half_axes.is_finite() && it.half_axes.min_element() > 0.0);
         if let Some(Ellipsoid { half_axes, .. }) = ellipsoids.iter().find(is_wrong) {
             return Err(Error::setting("--ellipsoids", half_axes, "numbers above 0"));
         }
+        let allowed = 1.0..=Ellipsoid::MOST_EXPONENT;
+        let mut exponents = ellipsoids.iter().flat_map(|it| it.exponents);
+        if let Some(wrong) = exponents.find(|it| !allowed.contains(it)) {
+            return Err(Error::setting("an exponent of --ellipsoids", wrong, "a number from 1 to 100"));
+        }
         let nodes = nodes_by_id(structure);
         for ellipsoid in ellipsoids {
             if let Some(&node) = nodes.get(ellipsoid.particle as usize) {
                 let (center, _) = structure.own_sphere(node);
-                self.shapes.push(Shape::Ellipsoid(Stretched::new(center, ellipsoid)));
+                self.shapes.push(match ellipsoid.exponents {
+                    Ellipsoid::ROUND => Shape::Ellipsoid(Stretched::new(center, ellipsoid)),
+                    _ => Shape::Superquadric(Superquadric::new(center, ellipsoid)),
+                });
                 self.owners.push(Owner::Particles([node; 2]));
             }
         }
@@ -243,8 +257,8 @@ impl Shapes {
             _ => None,
         });
         let (count, area) = areas.fold((0.0, 0.0), |(count, sum), area| (count + 1.0, sum + area));
-        // About as many balls as triangles, and a thousand more, so that a wall of two triangles is not a single ball.
-        self.mesh_ball = (area / (count + 1000.0)).sqrt() as f32;
+        // About as many balls as triangles, and some hundreds more, so that a wall of two triangles is not a single ball.
+        self.mesh_ball = (area / (count + 256.0)).sqrt() as f32;
         Ok(())
     }
 
@@ -268,6 +282,7 @@ impl Shapes {
                 Shape::Cylinder(cylinder) => add(cylinder.ball()),
                 Shape::Cone(cone) => add(cone.ball()),
                 Shape::Ellipsoid(ellipsoid) => add(ellipsoid.ball()),
+                Shape::Superquadric(superquadric) => add(superquadric.ball()),
                 Shape::Triangle(triangle) => triangle.balls(self.mesh_ball, depth, &mut add),
             }
         }
@@ -344,9 +359,12 @@ impl Shapes {
         let back = 2.5 * self.longest;
         let from_behind = Ray { origin: ray.origin - back * ray.direction, t_max: ray.t_max + back, ..*ray };
         let mut best: Option<(f32, u32)> = None;
+        let mut last = except;
         let mut met = |place: u32| {
             let number = self.at(place);
-            if except != Some(number) {
+            // A shape of several balls is not asked again and again.
+            if except != Some(number) && last != Some(number) {
+                last = Some(number);
                 keep_first(&mut best, self.shape(number).meet(ray), number);
             }
             // A ball that holds something nearer is entered before it, give or take rounding.

@@ -29,6 +29,9 @@ pub(crate) trait Number:
     /// Without its sign.
     fn magnitude(self) -> Self;
 
+    /// What `ask` finds for each ray by itself: where it enters something, if it does.
+    fn by_ray(line: &Line<Self>, ask: impl Fn(&Line<f32>) -> Option<f32>) -> Entry<Self>;
+
     /// The lesser of two.
     #[inline(always)]
     fn lesser(self, other: Self) -> Self {
@@ -69,6 +72,11 @@ impl Number for f32 {
     fn magnitude(self) -> Self {
         self.abs()
     }
+
+    fn by_ray(line: &Line<f32>, ask: impl Fn(&Line<f32>) -> Option<f32>) -> Entry<f32> {
+        let found = ask(line);
+        Entry { t: found.unwrap_or(f32::INFINITY), is_second: false, meets: found.is_some() }
+    }
 }
 
 impl<S: Simd> Number for f32x16<S> {
@@ -97,6 +105,18 @@ impl<S: Simd> Number for f32x16<S> {
     #[inline(always)]
     fn magnitude(self) -> Self {
         self.abs()
+    }
+
+    fn by_ray(line: &Line<Self>, ask: impl Fn(&Line<f32>) -> Option<f32>) -> Entry<Self> {
+        let simd = line.origin.x.simd;
+        let (origin, direction) = (line.origin.lanes(), line.direction.lanes());
+        let mut t = [f32::INFINITY; 16];
+        for (t, (origin, direction)) in t.iter_mut().zip(origin.into_iter().zip(direction)) {
+            *t = ask(&Line { origin, direction }).unwrap_or(*t);
+        }
+        let t = Self::simd_from(simd, t);
+        let none = Self::splat(simd, f32::INFINITY);
+        Entry { t, is_second: none.simd_lt(none), meets: t.simd_lt(none) }
     }
 }
 
@@ -155,6 +175,14 @@ impl<R: Number> Mul<R> for Vector<R> {
     #[inline(always)]
     fn mul(self, factor: R) -> Self {
         Self { x: self.x * factor, y: self.y * factor, z: self.z * factor }
+    }
+}
+
+impl<S: Simd> Vector<f32x16<S>> {
+    /// Lane by lane.
+    fn lanes(self) -> [Vector<f32>; 16] {
+        let (x, y, z) = (self.x.to_array(), self.y.to_array(), self.z.to_array());
+        std::array::from_fn(|lane| Vector { x: x[lane], y: y[lane], z: z[lane] })
     }
 }
 
