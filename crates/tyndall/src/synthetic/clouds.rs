@@ -185,7 +185,7 @@ mod tests {
         for (name, size) in
             [("cloud1", [18.9, 2.3, 20.0]), ("cloud2", [20.0, 10.7, 20.0]), ("smoke", [20.48, 16.32, 16.96])]
         {
-            let cloud = generated(&format!("{name}?n=30000&seed=5"));
+            let cloud = generated(&format!("{name}?n=10000&seed=5"));
             let size = Vec3::from_array(size);
             let mut cells = vec![false; 8000];
             let mut walls = 0;

@@ -23,9 +23,9 @@ use crate::source::Source;
 use crate::structure::build::Record;
 
 /// Particles read at a time by one thread.
-const PART: u64 = 1 << 20;
-/// Particles in a brick: a full subtree, 64 MiB of records, less than a tenth of a second to sort.
-const BRICK: usize = LEAF << 18;
+const PART: u64 = 1 << if cfg!(test) { 15 } else { 20 };
+/// Particles in a brick: a full subtree, 64 MiB of records, less than a tenth of a second to sort. Tests have several of fewer particles.
+const BRICK: usize = LEAF << if cfg!(test) { 12 } else { 18 };
 /// Particles that decide where space is cut, and levels of cuts: cells of a few thousandths of a large source.
 const SAMPLE: u64 = 1 << 17;
 const CUTS: u32 = 12;
