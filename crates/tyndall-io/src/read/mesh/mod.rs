@@ -39,8 +39,11 @@ impl Faces {
 /// Fails with [`Error::Io`] if it cannot be read, with [`Error::Format`] or [`Error::Setting`] if it is no mesh, has no faces, names corners that are
 /// not there, or has corners that are not finite.
 pub fn mesh(path: &Path) -> Result<Mesh> {
-    let content = content(path)?;
-    let bytes = content.as_ref();
+    mesh_of(path, content(path)?.as_ref())
+}
+
+/// The same from the content of a file.
+fn mesh_of(path: &Path, bytes: &[u8]) -> Result<Mesh> {
     let faces = if ply::recognise(bytes) {
         ply::faces(path, bytes)?
     } else if stl::is_binary(bytes) {

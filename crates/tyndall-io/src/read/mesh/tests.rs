@@ -9,9 +9,7 @@ const CORNERS: [[f32; 3]; 4] = [[0.0, 0.0, 0.0], [1.5, 0.0, 0.0], [0.0, 2.0, 0.0
 const FACES: [[u32; 3]; 4] = [[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]];
 
 fn read(bytes: impl AsRef<[u8]>) -> Result<Mesh> {
-    let file = tempfile::NamedTempFile::new().unwrap();
-    std::fs::write(file.path(), bytes).unwrap();
-    mesh(file.path())
+    mesh_of(Path::new("a.mesh"), bytes.as_ref())
 }
 
 fn triangles(bytes: impl AsRef<[u8]>) -> Vec<[[f64; 3]; 3]> {
@@ -91,11 +89,9 @@ fn ply(order: Option<Order>) -> Vec<u8> {
     file
 }
 
-#[test]
-fn all_formats_give_the_same_triangles() {
-    let wanted: Vec<[[f64; 3]; 3]> =
-        FACES.iter().map(|face| face.map(|place| CORNERS[place as usize].map(f64::from))).collect();
-    for (name, file) in [
+/// All files, with what they are.
+fn files() -> [(&'static str, Vec<u8>); 8] {
+    [
         ("binary STL", binary_stl("made by a test")),
         ("binary STL that begins like text", binary_stl("solid body")),
         ("text STL", text_stl().into_bytes()),
@@ -104,9 +100,39 @@ fn all_formats_give_the_same_triangles() {
         ("text PLY", ply(None)),
         ("PLY, little endian", ply(Some(Order::Little))),
         ("PLY, big endian", ply(Some(Order::Big))),
-    ] {
+    ]
+}
+
+#[test]
+fn all_formats_give_the_same_triangles() {
+    let wanted: Vec<[[f64; 3]; 3]> =
+        FACES.iter().map(|face| face.map(|place| CORNERS[place as usize].map(f64::from))).collect();
+    for (name, file) in files() {
         assert_eq!(triangles(file), wanted, "{name}");
     }
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.stl.gz");
+    let mut packed = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::fast());
+    std::io::Write::write_all(&mut packed, &binary_stl("packed")).unwrap();
+    std::fs::write(&path, packed.finish().unwrap()).unwrap();
+    assert_eq!(mesh(&path).unwrap().len(), 4);
+}
+
+#[test]
+fn damage_is_an_error_or_another_mesh() {
+    let (mut refused, mut read_all_the_same) = (0, 0);
+    for (name, file) in files() {
+        for place in 0..file.len() {
+            let is_whole_without = !name.contains("binary") && !name.contains("endian");
+            assert!(read(&file[..place]).is_err() || is_whole_without, "{name} cut at {place}");
+            for bits in [0x01, 0x10, 0xff] {
+                let mut damaged = file.clone();
+                damaged[place] ^= bits;
+                *(if read(damaged).is_ok() { &mut read_all_the_same } else { &mut refused }) += 1;
+            }
+        }
+    }
+    assert!(refused > 500 && read_all_the_same > 500, "{refused} refused, {read_all_the_same} read");
 }
 
 #[test]
