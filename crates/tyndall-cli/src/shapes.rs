@@ -20,7 +20,7 @@ use crate::values::length;
 #[command(next_help_heading = "Shapes")]
 pub(crate) struct Shapes {
     /// A mesh of triangles beside the particles, such as a wall: an STL, OBJ or PLY file in their coordinates; repeated for more. Both of its sides are
-    /// shown. The camera frames the particles alone, as walls may be far larger
+    /// shown; periodic images have it, too. The camera frames the particles alone, as walls may be far larger
     #[arg(long, value_name = "FILE")]
     mesh: Vec<PathBuf>,
     /// Color of a mesh, #rrggbb or a color's name: one for all, or repeated, one for each [default: #b8b8b8]
