@@ -11,7 +11,7 @@ use crate::scene::camera::{Camera, Projection};
 use crate::scene::light::{Lens, Lighting};
 use crate::scene::looks::{Adjustments, Look};
 use crate::structure::Kind;
-use crate::structure::shapes::Segment;
+use crate::structure::shapes::{Mesh, Segment};
 use glam::{DVec3, Vec3};
 
 const RED: [f32; 3] = [1.0, 0.0, 0.0];
@@ -115,6 +115,24 @@ fn lines_stand_where_depth_jumps_or_surfaces_cut_each_other() {
     let area = found.iter().sum::<f32>() / 256.0;
     let exact = std::f32::consts::TAU * 0.6 * 0.2;
     assert!((area / exact - 1.0).abs() < 0.02, "{area} {exact}");
+}
+
+#[test]
+fn a_mesh_has_lines_along_its_borders_and_folds_and_none_between_its_triangles() {
+    let mut scene = spheres(&[([0.0, 0.0, -9.0], 0.1)], Some([1.0; 3]));
+    // Two triangles in a plane, and one that goes down from their right border.
+    let corners = [[-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [1.0, 1.0, 0.0], [-1.0, 1.0, 0.0], [1.5, 0.0, -1.0]];
+    let triangles = vec![[0, 1, 2], [0, 2, 3], [1, 4, 2]];
+    let mesh = Mesh::new("roof", corners.map(DVec3::from_array).into(), triangles).unwrap();
+    scene.add_mesh(&mesh, [0.5; 3]).unwrap();
+    let found = covered(&scene, 64, lines(34.0, 2.0));
+    let at = |x: f32, y: f32| found[((2.0 - y) * 16.0) as usize * 64 + ((x + 2.0) * 16.0) as usize];
+    for (x, y) in [(-1.0, 0.3), (0.3, 1.0), (-0.4, -1.0), (1.0, 0.2)] {
+        assert!(at(x, y) > 0.8, "{x} {y}: {}", at(x, y));
+    }
+    for (x, y) in [(0.0, 0.0), (0.5, 0.5), (-0.3, 0.6), (1.2, 0.1)] {
+        assert_eq!(at(x, y), 0.0, "{x} {y}");
+    }
 }
 
 #[test]

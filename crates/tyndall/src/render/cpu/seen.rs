@@ -55,31 +55,33 @@ impl Film {
 
 /// The surface of what is at `node`, near `point`, which lies on it up to rounding.
 fn surface(scene: &Scene, node: u32, point: Vec3, direction: Vec3) -> Surface {
-    let (point, normal) = match scene.locate_shape(node) {
+    let Touched { point, normal, .. } = touched(scene, node, point, direction);
+    let position = scene.structure().origin() + point.as_dvec3();
+    Surface { position: position.as_vec3().to_array(), normal: normal.to_array() }
+}
+
+/// A place on a surface.
+pub(in crate::render) struct Touched {
+    pub(in crate::render) point: Vec3,
+    /// Of unit length.
+    pub(in crate::render) normal: Vec3,
+    /// Of the sphere, or of one that touches the shape from within, about; 0 of what is flat.
+    pub(in crate::render) radius: f32,
+}
+
+/// What is at `node` near `point`, which was met along `direction`.
+pub(in crate::render) fn touched(scene: &Scene, node: u32, point: Vec3, direction: Vec3) -> Touched {
+    match scene.locate_shape(node) {
         Some((shapes, node, shift)) => {
-            let (point, normal) = shapes.shape(node / 2).surface(point - shift, direction);
-            (point + shift, normal)
+            let shape = shapes.shape(node / 2);
+            let (point, normal) = shape.surface(point - shift, direction);
+            Touched { point: point + shift, normal, radius: shape.radius() }
         }
         None => {
             let (center, radius) = scene.structure().sphere(node);
             // A sphere so small that rounding leaves no direction faces the eye.
             let normal = (point - center).normalize_or(-direction);
-            (center + radius * normal, normal)
+            Touched { point: center + radius * normal, normal, radius }
         }
-    };
-    let position = scene.structure().origin() + point.as_dvec3();
-    Surface { position: position.as_vec3().to_array(), normal: normal.to_array() }
-}
-
-/// Center and radius of the sphere that what is at `node` is near `point`, which was met along `direction`: of a shape, of one that touches it there.
-pub(in crate::render) fn ball(scene: &Scene, node: u32, point: Vec3, direction: Vec3) -> (Vec3, f32) {
-    match scene.locate_shape(node) {
-        Some((shapes, node, shift)) => {
-            let shape = shapes.shape(node / 2);
-            let (point, normal) = shape.surface(point - shift, direction);
-            let radius = shape.radius();
-            (point + shift - radius * normal, radius)
-        }
-        None => scene.structure().sphere(node),
     }
 }

@@ -4,8 +4,7 @@ use glam::Vec3;
 
 use crate::error::Result;
 use crate::film::Window;
-use crate::math::Ray;
-use crate::render::cpu::seen::ball;
+use crate::render::cpu::seen::{Touched, touched};
 use crate::render::{Renderer, Settings};
 use crate::scene::Scene;
 use crate::scene::camera::{Camera, View};
@@ -63,8 +62,8 @@ impl<'a> Fine<'a> {
 
     /// The depth at which a ray would graze what a place shows: that of its silhouette, as near as it may be.
     pub(super) fn silhouette(&self, place: usize) -> f32 {
-        let (center, radius, _) = self.ball(place);
-        let offset = center - self.view.eye;
+        let Touched { point, normal, radius } = self.touched(place);
+        let offset = point - radius * normal - self.view.eye;
         let grazed = match self.view.perspective {
             true => (offset.length_squared() - radius * radius).max(0.0).sqrt(),
             false => offset.dot(self.view.forward),
@@ -72,19 +71,16 @@ impl<'a> Fine<'a> {
         grazed.max(self.depth[place])
     }
 
-    /// The unit normal of what a place shows, and its radius.
+    /// The unit normal of what a place shows, and its radius; what is flat is part of something large.
     pub(super) fn surface(&self, place: usize) -> (Vec3, f32) {
-        let (center, radius, ray) = self.ball(place);
-        let point = ray.origin + self.depth[place] * ray.direction;
-        ((point - center).normalize_or(-ray.direction), radius)
+        let Touched { normal, radius, .. } = self.touched(place);
+        (normal, if radius > 0.0 { radius } else { f32::INFINITY })
     }
 
-    /// Center and radius of the sphere that a place shows, of a bond of that it is shaded as, and the place's ray.
-    fn ball(&self, place: usize) -> (Vec3, f32, Ray) {
+    fn touched(&self, place: usize) -> Touched {
         let [column, row] = [place % self.width(), place / self.width()].map(|it| it as f32 + 0.5);
         let ray = self.view.ray(self.window.x as f32 + column, self.window.y as f32 + row);
         let point = ray.origin + self.depth[place] * ray.direction;
-        let (center, radius) = ball(self.scene, self.node[place], point, ray.direction);
-        (center, radius, ray)
+        touched(self.scene, self.node[place], point, ray.direction)
     }
 }

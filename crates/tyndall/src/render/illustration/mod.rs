@@ -167,11 +167,8 @@ impl Illustration {
         self.check()?;
         scene.check_same("with --outline, --halo and --depth-cue, which know one depth of each place")?;
         if matches!(scene.lighting, Lighting::Paths(Paths { lens: Some(_), .. })) {
-            return Err(Error::setting(
-                "--outline",
-                "given",
-                "left out with a lens, behind which edges are blurred",
-            ));
+            let allowed = "left out where something is drawn over the picture: a lens blurs edges";
+            return Err(Error::setting("--aperture", "given", allowed));
         }
         let [width, height] = size;
         window.check(width, height)?;
