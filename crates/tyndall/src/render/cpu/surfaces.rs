@@ -52,7 +52,7 @@ pub(super) fn look_up<S: Simd>(
     let mut color = Lanes3 { x: zero, y: zero, z: zero };
     let nodes = u32x16::load_array_ref(simd, node);
     let mut left = bits;
-    let (mut shaped, mut of_shapes) = (0, OfShapes { position: [[0.0; RAYS]; 3], normal: [[0.0; RAYS]; 3] });
+    let mut of_shapes: Option<OfShapes> = None;
     while left != 0 {
         let node = node[left.trailing_zeros() as usize];
         let same = nodes.simd_eq(u32x16::splat(simd, node));
@@ -61,8 +61,8 @@ pub(super) fn look_up<S: Simd>(
             (node, structure.own_sphere(node))
         } else if let Some((shapes, own, shift)) = scene.locate_shape(node) {
             let lanes = same.to_bitmask() & bits;
+            let of_shapes = of_shapes.get_or_insert_default();
             of_shapes.settle(shapes.shape(own / 2), lanes, shift, (&point, &direction));
-            shaped |= lanes;
             let owned = shapes.color(own, |owner| scene.color(owner));
             color = Lanes3::splat(simd, Vec3::from_array(owned)).where_else(same, color);
             continue;
@@ -82,16 +82,18 @@ pub(super) fn look_up<S: Simd>(
     let normal = normal.where_else(is_clear, Lanes3 { x: -direction.x, y: -direction.y, z: -direction.z });
     let mut position = center.plus(normal.times(radius));
     let mut normal = normal;
-    if shaped != 0 {
-        let is_shape = mask32x16::from_bitmask(simd, shaped);
+    if let Some(of_shapes) = of_shapes {
+        let is_shape = mask32x16::from_bitmask(simd, of_shapes.lanes);
         position = Lanes3::load(simd, &of_shapes.position).where_else(is_shape, position);
         normal = Lanes3::load(simd, &of_shapes.normal).where_else(is_shape, normal);
     }
     Some(Met { hits, position, normal, cosine: -normal.dot(direction), color })
 }
 
-/// Place and normal of surfaces of shapes, by axis and lane.
+/// Place and normal of surfaces of shapes, by axis and lane; a bit for each lane that has them.
+#[derive(Default)]
 struct OfShapes {
+    lanes: u64,
     position: [[f32; RAYS]; 3],
     normal: [[f32; RAYS]; 3],
 }
@@ -105,6 +107,7 @@ impl OfShapes {
         shift: Vec3,
         (point, direction): (&Lanes3<f32x16<S>>, &Lanes3<f32x16<S>>),
     ) {
+        self.lanes |= lanes;
         let (points, directions) = (point.to_arrays(), direction.to_arrays());
         while lanes != 0 {
             let lane = lanes.trailing_zeros() as usize;
