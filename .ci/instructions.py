@@ -5,7 +5,7 @@
     python3 .ci/instructions.py --record   # writes the counts to benches/instructions.txt
 
 The cases are those of `crates/tyndall/benches/instructions.rs`; Valgrind counts. It knows no AVX-512, so that the kernels take
-their AVX2 form. Without Valgrind or AVX2 this says that it was skipped. Counts depend on the compiler: beside those of another
+their AVX2 form. Built without optimisation over crates, which takes minutes and changes counts by a few hundredths. Without Valgrind or AVX2 this says that it was skipped. Counts depend on the compiler: beside those of another
 version ratios are told, and nothing fails.
 """
 
@@ -54,7 +54,8 @@ def unable():
 
 
 def output(command):
-    return subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True, cwd=ROOT).stdout
+    environment = os.environ | {"CARGO_PROFILE_RELEASE_LTO": "false", "CARGO_PROFILE_RELEASE_DEBUG": "0"}
+    return subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True, cwd=ROOT, env=environment).stdout
 
 
 def build():
