@@ -5,8 +5,8 @@
     python3 .ci/instructions.py --record   # writes the counts to benches/instructions.txt
 
 The cases are those of `crates/tyndall/benches/instructions.rs`; Valgrind counts. It knows no AVX-512, so that the kernels take
-their AVX2 form. Built without optimisation over crates, which takes minutes and changes counts by a few hundredths. Without Valgrind or AVX2 this says that it was skipped. Counts depend on the compiler: beside those of another
-version ratios are told, and nothing fails.
+their AVX2 form. They are built without optimisation over crates, which would take minutes. Without Valgrind or AVX2 this says
+that it was skipped. Counts depend on the compiler: beside those of another version ratios are told, and nothing fails.
 """
 
 import json
