@@ -230,6 +230,11 @@ pub(crate) fn beyond_cards(args: &args::Render) -> Option<&'static str> {
     traced_by(args).or((args.look.look == LightLook::Toon).then_some("--look toon"))
 }
 
+/// Whether rays look for light.
+pub(crate) fn is_traced(look: LightLook) -> bool {
+    !matches!(look, LightLook::Headlight | LightLook::Flat | LightLook::Toon)
+}
+
 /// What is traced, in words; none if light is not.
 pub(crate) fn description(args: &args::Render) -> Option<String> {
     traced_by(args)?;

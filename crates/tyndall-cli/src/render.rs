@@ -37,7 +37,6 @@ use crate::annotate::Shown as Annotated;
 use crate::args::{self, Builder, Mode, Selection};
 use crate::device::{self, Goal, Held, Renders};
 use crate::layers::{self, Layer};
-use crate::looks::LightLook;
 use crate::names::Numbers;
 use crate::output::{Output, Pattern};
 use crate::plan::{self, Picture};
@@ -93,6 +92,9 @@ pub(crate) fn run(args: &args::Render, report: &Report) -> Outcome<()> {
 
 /// The most samples of a pixel where noise or time decides, if nothing is said.
 const MOST_SAMPLES: u32 = 4096;
+
+/// Samples of a pixel where light is traced, if nothing is said: the default look of 10^6 particles has less than 1 % of noise then.
+const LIT_SAMPLES: u32 = 128;
 
 /// Samples of a pixel where each meets another scene, if nothing is said.
 const DRAWN_SAMPLES: u32 = 256;
@@ -157,6 +159,7 @@ impl<'a> Job<'a> {
         let most = match args.look.drawn() {
             _ if goal.is_given() => MOST_SAMPLES,
             Some(_) => DRAWN_SAMPLES,
+            None if looks::is_traced(args.look.look) => LIT_SAMPLES,
             None => Settings::default().samples,
         };
         let samples = samples.unwrap_or(most);
@@ -252,7 +255,7 @@ impl<'a> Job<'a> {
             }
             count => Work::of_count(count, self.structure, self.settings),
         };
-        let traced = !matches!(self.args.look.look, LightLook::Headlight | LightLook::Flat | LightLook::Toon);
+        let traced = looks::is_traced(self.args.look.look);
         let work = self.held(Work { traced, ..work });
         self.check_memory(&work, if known > 0 { Reading::Parts } else { Reading::Whole })?;
         dry_run::tell(&work, pictures.len(), self.report)
