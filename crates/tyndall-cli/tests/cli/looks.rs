@@ -154,6 +154,6 @@ fn a_shutter_blurs_what_moves() {
     render("--shutter 0.1 --velocity w").fails(2, &["--velocity", "the file has: v"]);
     render("--shutter -1").fails(2, &["--shutter", "0 or more"]);
     render("--shutter 0.1 --structure pkd").fails(2, &["--shutter", "bvh"]);
-    render("--shutter 0.1 --bonds 2").fails(2, &["--shutter", "bonds"]);
+    render("--shutter 0.1 --arrows v").fails(2, &["--shutter", "arrows"]);
     render("--shutter 0.1 --layers normal").fails(2, &["--layers", "--shutter"]);
 }
