@@ -23,7 +23,7 @@ pub(crate) struct Shapes {
     /// shown; periodic images have it, too. The camera frames the particles alone, as walls may be far larger
     #[arg(long, value_name = "FILE")]
     mesh: Vec<PathBuf>,
-    /// Color of a mesh, #rrggbb or a color's name: one for all, or repeated, one for each [default: #b8b8b8]
+    /// Color of a mesh, #rrggbb or a color's name: one for all, or repeated, one for each [default: light gray]
     #[arg(long, value_name = "COLOR", value_parser = coloring::color, requires = "mesh")]
     mesh_color: Vec<[u8; 3]>,
     /// Particles as ellipsoids or superquadrics, if the file has what LAMMPS (shapex quatw) or LIGGGHTS (shapex quat1 blockiness1) writes (auto); none for

@@ -52,7 +52,7 @@ pub fn usual_radius(spheres: Spheres) -> f64 {
 
 /// Finds arrows; `particle_radius` is the usual radius of particles as they are shown, 0 if they are not.
 ///
-/// Fails with [`Error::Setting`] if there is no such vector.
+/// Fails with [`Error::Setting`](crate::Error::Setting) if there is no such vector.
 pub fn find(particles: &Particles, options: &Options, particle_radius: f64) -> Result<Arrows> {
     let Options { name, scale, radius } = options;
     let component = |place| Quantity::of_name(particles, name, Some(Component::Index(place)));
