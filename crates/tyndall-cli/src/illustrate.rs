@@ -2,8 +2,7 @@
 
 use clap::Args;
 use tyndall::render::illustration::{Contours, Halo, Illustration};
-use tyndall::scene::coloring;
-use tyndall::srgb::linear_from_encoded;
+use tyndall::scene::coloring::{self, linear};
 
 use crate::args;
 use crate::looks::LightLook;
@@ -99,16 +98,16 @@ pub(crate) fn illustration(args: &args::Render) -> Outcome<Illustration> {
         return Err(Failure::Usage(text.into()));
     }
     let illustration = Illustration { contours, halo, depth_cue, depths: given.depth_range };
-    if !illustration.is_empty() && args.look.aperture.is_some() {
-        let flag = given.name().unwrap_or("--outline");
-        let text = format!("{flag} is not for --aperture, which blurs edges — leave out one of them");
-        return Err(Failure::Usage(text));
+    let without_edges = [
+        (args.look.aperture.map(|_| "--aperture"), "which blurs edges"),
+        (args.look.drawn(), "with which each sample has edges of its own"),
+    ];
+    if let Some((Some(other), why)) = without_edges.iter().find(|(other, _)| other.is_some())
+        && !illustration.is_empty()
+    {
+        let flag = given.name().unwrap_or("the outline of --look toon");
+        return Err(Failure::Usage(format!("{flag} is not for {other}, {why} — leave out one of them")));
     }
     illustration.check()?;
     Ok(illustration)
-}
-
-/// The linear color of sRGB bytes.
-fn linear(color: [u8; 3]) -> [f32; 3] {
-    color.map(|byte| linear_from_encoded(f32::from(byte) / 255.0))
 }

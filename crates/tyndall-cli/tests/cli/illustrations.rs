@@ -74,6 +74,8 @@ fn what_cannot_be_drawn_is_refused_before_the_work() {
         ("--outline 2 --outline-jump -1", ["--outline-jump", "0 or more"]),
         ("--outline-color red", ["--outline-color", "give --outline too"]),
         ("--outline 2 --aperture 1", ["--outline", "--aperture"]),
+        ("--halo --opacity 0.5", ["--halo", "--opacity"]),
+        ("--look toon --shutter 1", ["toon", "--shutter"]),
         ("--halo=-1", ["--halo", "at most 100"]),
         ("--halo-color red", ["--halo", "not provided"]),
         ("--depth-cue 2", ["--depth-cue", "0 (none) to 1"]),
