@@ -4,9 +4,9 @@ use std::path::PathBuf;
 
 use clap::Args;
 use tyndall::scene::arrows::{self, Arrows};
+use tyndall::scene::coloring::{self, linear};
 use tyndall::scene::ellipsoids::{self, Ellipsoids, Shaping};
-use tyndall::scene::{Scene, coloring, grouped};
-use tyndall::srgb::linear_from_encoded;
+use tyndall::scene::{Scene, grouped};
 use tyndall::structure::Spheres;
 use tyndall::structure::shapes::Mesh;
 use tyndall::{Error, Result};
@@ -96,8 +96,8 @@ impl Shapes {
             return Err(Error::setting("--mesh-color", format!("{colors} colors"), allowed));
         }
         let color = |number: usize| {
-            let color = self.mesh_color.get(number).or(self.mesh_color.first()).unwrap_or(&MESH_COLOR);
-            color.map(|byte| linear_from_encoded(f32::from(byte) / 255.0))
+            let color = self.mesh_color.get(number).or(self.mesh_color.first());
+            linear(*color.unwrap_or(&MESH_COLOR))
         };
         let read = |(number, path): (usize, &PathBuf)| Ok((read::mesh(path)?, color(number)));
         Ok(Meshes(self.mesh.iter().enumerate().map(read).collect::<Result<_>>()?))

@@ -2,9 +2,7 @@
 
 use rayon::prelude::*;
 
-use glam::DVec3;
-
-use super::quantity::{Component, Quantity, no_vector};
+use super::quantity::vector_by_id;
 use super::spacing::median_spacing;
 use super::statistics::{grouped, quantiles, sampled_ids, short};
 use crate::error::Result;
@@ -55,11 +53,7 @@ pub fn usual_radius(spheres: Spheres) -> f64 {
 /// Fails with [`Error::Setting`](crate::Error::Setting) if there is no such vector.
 pub fn find(particles: &Particles, options: &Options, particle_radius: f64) -> Result<Arrows> {
     let Options { name, scale, radius } = options;
-    let component = |place| Quantity::of_name(particles, name, Some(Component::Index(place)));
-    let [Some(x), Some(y), z] = [0, 1, 2].map(component) else {
-        return Err(no_vector(particles, "--arrows", name));
-    };
-    let vector = |id: usize| DVec3::new(x.value(id), y.value(id), z.as_ref().map_or(0.0, |z| z.value(id)));
+    let vector = vector_by_id(particles, "--arrows", name)?;
     let lengths = sampled_ids(particles.len(), SAMPLES).map(|id| vector(id).length());
     let mut lengths: Vec<f64> = lengths.filter(|it| it.is_finite() && *it > 0.0).collect();
     let usual = quantiles(&mut lengths, [MOST]).map_or(1.0, |[usual]| usual);
@@ -91,6 +85,8 @@ pub fn find(particles: &Particles, options: &Options, particle_radius: f64) -> R
 
 #[cfg(test)]
 mod tests {
+    use glam::DVec3;
+
     use super::*;
     use crate::particles::{Attribute, Columns, Positions, Values};
 

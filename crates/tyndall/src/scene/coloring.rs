@@ -169,7 +169,7 @@ pub fn color(text: &str) -> Result<[u8; 3]> {
 }
 
 /// The linear color of sRGB bytes.
-pub(crate) fn linear(color: [u8; 3]) -> [f32; 3] {
+pub fn linear(color: [u8; 3]) -> [f32; 3] {
     color.map(|byte| linear_from_encoded(byte as f32 / 255.0))
 }
 

@@ -9,10 +9,9 @@ use std::str::FromStr;
 use glam::{DQuat, DVec3};
 use rayon::prelude::*;
 
-use super::quantity::{Component, Quantity, vectors};
+use super::quantity::{Component, Quantity, meant_vector};
 use super::statistics::{grouped, quantiles, sampled_ids, short};
 use crate::error::{Error, Result};
-use crate::names::nearest;
 use crate::particles::{Attribute, Particles};
 use crate::structure::Spheres;
 use crate::structure::shapes::Ellipsoid;
@@ -189,9 +188,7 @@ fn vector<'a>(particles: &'a Particles, name: &str, count: usize) -> Result<Vec<
     let part = |place| Quantity::of_name(particles, name, Some(Component::Index(place))).map(Column::Part);
     let found = (0..count).map(|place| if own.is_some() || count <= 3 { part(place) } else { None });
     found.collect::<Option<Vec<_>>>().ok_or_else(|| {
-        let all = vectors(particles);
-        let meant = nearest(name, all.iter().map(String::as_str));
-        let meant = meant.map_or(String::new(), |meant| format!("; did you mean '{meant}'?"));
+        let meant = meant_vector(particles, name);
         Error::setting("--ellipsoids", name, format!("an attribute of {count} numbers a particle{meant}"))
     })
 }

@@ -1,10 +1,10 @@
 //! Particles that move while the shutter is open. How pictures are made of them, `render::drawn` tells.
 
-use glam::{DVec3, Vec3};
+use glam::Vec3;
 use rayon::prelude::*;
 
 use super::Scene;
-use super::quantity::{Component, Quantity, no_vector};
+use super::quantity::vector_by_id;
 use crate::error::{Error, Result};
 use crate::particles::Particles;
 use crate::structure::by_node;
@@ -16,14 +16,9 @@ pub fn displacements(particles: &Particles, name: &str, exposure: f64) -> Result
     if !(exposure >= 0.0 && exposure.is_finite()) {
         return Err(Error::setting("--shutter", exposure, "a time of 0 or more, in the unit of the file"));
     }
-    let component = |place| Quantity::of_name(particles, name, Some(Component::Index(place)));
-    let [Some(x), Some(y), z] = [0, 1, 2].map(component) else {
-        return Err(no_vector(particles, "--velocity", name));
-    };
-    let displacement = |id| {
-        let velocity = DVec3::new(x.value(id), y.value(id), z.as_ref().map_or(0.0, |z| z.value(id)));
-        Some((exposure * velocity).as_vec3()).filter(|it| it.is_finite()).unwrap_or_default()
-    };
+    let velocity = vector_by_id(particles, "--velocity", name)?;
+    let displacement =
+        |id| Some((exposure * velocity(id)).as_vec3()).filter(|it| it.is_finite()).unwrap_or_default();
     Ok((0..particles.len()).into_par_iter().with_min_len(1 << 14).map(displacement).collect())
 }
 

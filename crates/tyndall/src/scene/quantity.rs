@@ -3,6 +3,8 @@
 //!
 //! A vector is an attribute with several components, or scalars whose names differ in the axis only (`vx`, `vy`, `vz`).
 
+use glam::DVec3;
+
 use super::expression::{Bound, Tree};
 use crate::error::{Error, Result};
 use crate::names::nearest;
@@ -213,20 +215,33 @@ fn scalars<'a>(particles: &'a Particles, name: &str) -> Option<Vec<&'a Attribute
     })
 }
 
-/// The error of `setting` where `name` is not a vector.
-pub(super) fn no_vector(particles: &Particles, setting: &'static str, name: &str) -> Error {
-    let all = vectors(particles);
-    let there = match &all[..] {
-        [] => "the file has none".to_string(),
-        all => format!("the file has: {}", all.join(", ")),
+/// The vector called `name`, of two or three numbers, by id. Fails with [`Error::Setting`] of `setting` if there is none.
+pub(super) fn vector_by_id<'a>(
+    particles: &'a Particles,
+    setting: &'static str,
+    name: &str,
+) -> Result<impl Fn(usize) -> DVec3 + Sync + use<'a>> {
+    let component = |place| Quantity::of_name(particles, name, Some(Component::Index(place)));
+    let [Some(x), Some(y), z] = [0, 1, 2].map(component) else {
+        let there = match vectors(particles)[..] {
+            [] => "the file has none".to_string(),
+            ref all => format!("the file has: {}", all.join(", ")),
+        };
+        let allowed = format!("a vector attribute — {there}{}", meant_vector(particles, name));
+        return Err(Error::setting(setting, name, allowed));
     };
+    Ok(move |id| DVec3::new(x.value(id), y.value(id), z.as_ref().map_or(0.0, |z| z.value(id))))
+}
+
+/// The question whether another vector was meant, if one is called alike.
+pub(super) fn meant_vector(particles: &Particles, name: &str) -> String {
+    let all = vectors(particles);
     let meant = nearest(name, all.iter().map(String::as_str));
-    let meant = meant.map_or(String::new(), |meant| format!("; did you mean '{meant}'?"));
-    Error::setting(setting, name, format!("a vector attribute — {there}{meant}"))
+    meant.map_or(String::new(), |meant| format!("; did you mean '{meant}'?"))
 }
 
 /// The names of all vectors of two or three numbers.
-pub(super) fn vectors(particles: &Particles) -> Vec<String> {
+fn vectors(particles: &Particles) -> Vec<String> {
     let mut names: Vec<String> = Vec::new();
     for attribute in particles.attributes() {
         let own = (2..=3).contains(&attribute.components).then_some(attribute.name.as_str());

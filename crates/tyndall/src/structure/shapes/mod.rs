@@ -13,6 +13,8 @@ mod superquadric;
 mod tests;
 mod triangle;
 
+use std::sync::Arc;
+
 use glam::{DVec3, Vec3};
 
 use super::Structure;
@@ -137,12 +139,12 @@ pub(crate) enum Owner {
     Mesh(u32),
 }
 
-/// See the module.
+/// See the module. Clones share all but what is shown.
 #[derive(Clone)]
 pub(crate) struct Shapes {
-    shapes: Vec<Shape>,
+    shapes: Arc<Vec<Shape>>,
     /// By shape.
-    owners: Vec<Owner>,
+    owners: Arc<Vec<Owner>>,
     /// By mesh: linear RGB.
     colors: Vec<[f32; 3]>,
     /// Over the balls of those that are shown.
@@ -156,7 +158,7 @@ pub(crate) struct Shapes {
 impl Shapes {
     pub(crate) fn new() -> Result<Self> {
         let bvh = Bvh::build(Vec::<Record<4>>::new(), 0.0, Packing::Exact, &())?;
-        let (shapes, owners, colors) = (Vec::new(), Vec::new(), Vec::new());
+        let (shapes, owners, colors) = Default::default();
         Ok(Self { shapes, owners, colors, bvh, longest: 0.0, mesh_ball: f32::INFINITY })
     }
 
@@ -177,8 +179,7 @@ impl Shapes {
             let [one, other] = segment.ends.map(|id| nodes.get(id as usize));
             let cylinder = Cylinder::between([segment.from, segment.to], radius);
             if let (Some(cylinder), Some(&one), Some(&other)) = (cylinder, one, other) {
-                self.shapes.push(Shape::Cylinder(cylinder));
-                self.owners.push(Owner::Particles([one, other]));
+                self.push(Shape::Cylinder(cylinder), Owner::Particles([one, other]));
             }
         }
         self.check(structure, "--bonds")
@@ -194,8 +195,7 @@ impl Shapes {
         let nodes = nodes_by_id(structure);
         for arrow in arrows {
             if let (Some(parts), Some(&node)) = (arrow.parts(radius), nodes.get(arrow.particle as usize)) {
-                self.shapes.extend(parts);
-                self.owners.extend([Owner::Particles([node; 2]); 2]);
+                parts.into_iter().for_each(|part| self.push(part, Owner::Particles([node; 2])));
             }
         }
         self.check(structure, "--arrows")
@@ -218,11 +218,11 @@ impl Shapes {
         for ellipsoid in ellipsoids {
             if let Some(&node) = nodes.get(ellipsoid.particle as usize) {
                 let (center, _) = structure.own_sphere(node);
-                self.shapes.push(match ellipsoid.exponents {
+                let shape = match ellipsoid.exponents {
                     Ellipsoid::ROUND => Shape::Ellipsoid(Stretched::new(center, ellipsoid)),
                     _ => Shape::Superquadric(Superquadric::new(center, ellipsoid)),
-                });
-                self.owners.push(Owner::Particles([node; 2]));
+                };
+                self.push(shape, Owner::Particles([node; 2]));
             }
         }
         self.check(structure, "--ellipsoids")
@@ -238,20 +238,10 @@ impl Shapes {
         for corners in mesh.triangles() {
             let triangle = Triangle { corners: corners.map(|corner: DVec3| (corner - origin).as_vec3()) };
             if triangle.area() > 0.0 {
-                self.shapes.push(Shape::Triangle(triangle));
-                self.owners.push(owner);
+                self.push(Shape::Triangle(triangle), owner);
             }
         }
-        self.check(structure, "--mesh")
-    }
-
-    fn check(&mut self, structure: &Structure, name: &str) -> Result<()> {
-        let nodes = 2 * self.shapes.len() as u64 + structure.len() as u64;
-        if u64::from(structure.images()) * nodes + structure.len() as u64 > 1 << 32 {
-            let count = self.shapes.len();
-            let allowed = "fewer shapes, or images: 2^32 parts of them and particles in all";
-            return Err(Error::setting(name, count, allowed));
-        }
+        self.check(structure, "--mesh")?;
         let areas = self.shapes.iter().filter_map(|shape| match shape {
             Shape::Triangle(triangle) => Some(f64::from(triangle.area())),
             _ => None,
@@ -262,12 +252,27 @@ impl Shapes {
         Ok(())
     }
 
+    fn push(&mut self, shape: Shape, owner: Owner) {
+        Arc::make_mut(&mut self.shapes).push(shape);
+        Arc::make_mut(&mut self.owners).push(owner);
+    }
+
+    fn check(&self, structure: &Structure, name: &str) -> Result<()> {
+        let nodes = 2 * self.shapes.len() as u64 + structure.len() as u64;
+        if u64::from(structure.images()) * nodes + structure.len() as u64 > 1 << 32 {
+            let count = self.shapes.len();
+            let allowed = "fewer shapes, or images: 2^32 parts of them and particles in all";
+            return Err(Error::setting(name, count, allowed));
+        }
+        Ok(())
+    }
+
     /// Shows shapes whose particles are all shown, and all meshes.
     pub(crate) fn show(&mut self, structure: &Structure) -> Result<()> {
         let mut records = Vec::new();
         self.longest = 0.0;
         let depth = if self.shapes.len() < 1 << 14 { MOST_HALVES } else { MOST_HALVES / 2 };
-        for (id, (shape, owner)) in (0..).zip(self.shapes.iter().zip(&self.owners)) {
+        for (id, (shape, owner)) in (0..).zip(self.shapes.iter().zip(self.owners.iter())) {
             let is_shown = match owner {
                 Owner::Particles(nodes) => nodes.iter().all(|&node| structure.shows(node)),
                 Owner::Mesh(_) => true,

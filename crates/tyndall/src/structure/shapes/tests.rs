@@ -295,8 +295,7 @@ fn shapes(stream: &mut Stream) -> Shapes {
             }
             _ => Shape::Triangle(Triangle { corners: [(); 3].map(|()| center + 2.0 * stream.cube()) }),
         };
-        all.shapes.push(shape);
-        all.owners.push(Owner::Mesh(0));
+        all.push(shape, Owner::Mesh(0));
     }
     all.mesh_ball = 0.5;
     all
