@@ -17,6 +17,7 @@ use super::statistics::short;
 use crate::error::{Error, Result};
 use crate::frozen::Frozen;
 use crate::particles::{Attribute, Particles};
+use crate::srgb::encoded_from_linear;
 use crate::structure::by_node;
 
 /// The color of particles that have nothing to show, sRGB.
@@ -162,10 +163,63 @@ impl ParticleColors {
         Self { store: Store::Palette { colors, places: places.into() }, description, legend: None }
     }
 
+    /// Those of several sources, each with the number of its particles, one after the other. More than 256 colors are rounded to sRGB bytes; the
+    /// legend is the first that there is.
+    pub(super) fn joined(parts: &[(Self, usize)]) -> Self {
+        let legend = parts.iter().find_map(|(it, _)| it.legend.clone());
+        let texts: Vec<&str> = parts.iter().map(|(it, _)| it.description.as_str()).collect();
+        let description = texts.join("; ");
+        let count = parts.iter().map(|(_, count)| count).sum();
+        let palettes: Option<Vec<&[[f32; 3]]>> = parts.iter().map(|(it, _)| it.store.palette()).collect();
+        let palettes = palettes.filter(|all| all.iter().map(|it| it.len()).sum::<usize>() <= 256);
+        if let Some(palettes) = palettes {
+            let mut places: Vec<u8> = Vec::with_capacity(count);
+            let mut first = 0;
+            for ((part, count), palette) in parts.iter().zip(&palettes) {
+                match &part.store {
+                    Store::Palette { places: own, .. } => places.extend(own.iter().map(|it| first + it)),
+                    _ => places.resize(places.len() + count, first),
+                }
+                first = first.wrapping_add(palette.len() as u8);
+            }
+            let colors = palettes.concat();
+            let store = match colors[..] {
+                [] => Store::Constant(linear(PLAIN)),
+                [color] => Store::Constant(color),
+                _ => Store::Palette { colors, places: places.into() },
+            };
+            return Self { store, description, legend };
+        }
+        let mut bytes = Vec::with_capacity(count);
+        for (part, count) in parts {
+            let byte = |value: f32| (255.0 * encoded_from_linear(value)).round() as u8;
+            bytes.par_extend((0..*count).into_par_iter().map(|id| match &part.store {
+                Store::Direct { bytes, .. } => bytes[id],
+                _ => part.color(id).map(byte),
+            }));
+        }
+        Self { store: Store::direct(bytes), description, legend }
+    }
+
     fn direct(rgb: &Rgb, count: usize) -> Self {
         let (bytes, description) = rgb.bytes(count);
+        Self { store: Store::direct(bytes), description, legend: None }
+    }
+}
+
+impl Store {
+    fn direct(bytes: Vec<[u8; 3]>) -> Self {
         let linear_of_byte = Box::new(std::array::from_fn(|byte| linear([byte as u8; 3])[0]));
-        Self { store: Store::Direct { bytes: bytes.into(), linear_of_byte }, description, legend: None }
+        Self::Direct { bytes: bytes.into(), linear_of_byte }
+    }
+
+    /// The colors that there are, if they are few.
+    fn palette(&self) -> Option<&[[f32; 3]]> {
+        match self {
+            Self::Constant(color) => Some(std::slice::from_ref(color)),
+            Self::Palette { colors, .. } => Some(colors),
+            Self::Direct { .. } => None,
+        }
     }
 }
 

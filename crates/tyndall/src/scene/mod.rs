@@ -14,6 +14,7 @@ pub mod element;
 pub mod ellipsoids;
 mod expression;
 pub mod guesses;
+pub mod joined;
 mod kinds;
 pub mod light;
 pub mod looks;

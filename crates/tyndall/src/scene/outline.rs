@@ -68,6 +68,16 @@ impl Outline {
         if points.is_empty() { whole } else { Self { points, ..whole } }
     }
 
+    /// Of all that these are outlines of, at least one.
+    pub fn joined(outlines: &[Self]) -> Self {
+        let points: Vec<DVec3> = outlines.iter().flat_map(|it| it.points.iter().copied()).collect();
+        let corner = |pick: fn(DVec3, DVec3) -> DVec3| points.iter().copied().reduce(pick).unwrap_or_default();
+        match outlines {
+            [only] => only.clone(),
+            _ => Self { center: 0.5 * (corner(DVec3::min) + corner(DVec3::max)), points },
+        }
+    }
+
     /// Of periodic images of what it is the outline of.
     pub fn replicated(&self, replicas: &Replicas) -> Self {
         let corners = replicas.corners();

@@ -15,20 +15,31 @@ pub fn subset(
     filters: &[Filter],
     clips: &[Clip],
 ) -> Result<std::result::Result<Particles, String>> {
-    let passed = filters.iter().map(|it| passed(&particles, it)).collect::<Result<Vec<_>>>()?;
-    let inside: Vec<Vec<bool>> = clips.iter().map(|it| inside(&particles, it)).collect();
+    Ok(shown(&particles, filters, clips)?.map(|shown| particles.retained(&shown)))
+}
+
+/// Of each particle whether it passes all filters and lies in all clips; if none does, why.
+///
+/// Fails as [`Selectable::of`] does.
+pub fn shown(
+    particles: &Particles,
+    filters: &[Filter],
+    clips: &[Clip],
+) -> Result<std::result::Result<Vec<bool>, String>> {
+    let passed = filters.iter().map(|it| passed(particles, it)).collect::<Result<Vec<_>>>()?;
+    let inside: Vec<Vec<bool>> = clips.iter().map(|it| inside(particles, it)).collect();
     let all: Vec<&Vec<bool>> = passed.iter().chain(&inside).collect();
-    let kept = |id: usize| all.iter().all(|flags| flags[id]);
-    let keep: Vec<bool> = (0..particles.len()).into_par_iter().map(kept).collect();
-    if keep.contains(&true) || particles.is_empty() {
-        return Ok(Ok(particles.retained(&keep)));
+    let is_shown = |id: usize| all.iter().all(|flags| flags[id]);
+    let shown: Vec<bool> = (0..particles.len()).into_par_iter().map(is_shown).collect();
+    if shown.contains(&true) || particles.is_empty() {
+        return Ok(Ok(shown));
     }
     let is_empty = |flags: &Vec<bool>| !flags.contains(&true);
     let filter = passed.iter().position(is_empty).map(|place| &filters[place]);
     let clip = inside.iter().position(is_empty).map(|place| &clips[place]);
     Ok(Err(match (filter, clip) {
         (Some(filter), _) => {
-            format!("{} keeps none ({})", filter.named(), present(&particles, filter.quantity()))
+            format!("{} keeps none ({})", filter.named(), present(particles, filter.quantity()))
         }
         (None, Some(clip)) => format!("the clip '{clip}' keeps none"),
         (None, None) => "each filter and clip keeps some particles, but together they keep none".into(),
