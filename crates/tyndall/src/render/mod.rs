@@ -22,6 +22,7 @@ mod samples;
 mod sampling;
 mod shade;
 pub mod stereo;
+mod surface;
 
 use std::slice;
 

@@ -6,9 +6,10 @@
 use glam::Vec3;
 
 use super::scatter::fresnel;
-use super::{MOST_CLEAR, Surface, Tracer};
+use super::{MOST_CLEAR, Tracer};
 use crate::math::Ray;
 use crate::random::Stream;
+use crate::render::surface::Surface;
 
 /// Diameters after which light has a sphere's color: colors of maps are too dark for one.
 pub(super) const COLOR_DIAMETERS: f32 = 4.0;

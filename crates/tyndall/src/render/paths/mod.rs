@@ -17,6 +17,7 @@ use glam::Vec3;
 
 use super::sampling::{Dimension, shuffled_point};
 use super::shade::{in_cone, sky_brightness};
+use super::surface::{self, Surface};
 use crate::math::Ray;
 use crate::random::Stream;
 use crate::scene::Scene;
@@ -52,17 +53,6 @@ impl Sample {
     }
 }
 
-/// A surface that a ray met.
-#[derive(Clone, Copy)]
-struct Surface {
-    node: u32,
-    position: Vec3,
-    normal: Vec3,
-    color: Vec3,
-    /// Of a sphere its center and radius; shapes are no clear bodies.
-    sphere: Option<(Vec3, f32)>,
-}
-
 /// Follows light in a scene.
 pub(super) struct Tracer<'a> {
     scene: &'a Scene,
@@ -89,15 +79,14 @@ impl<'a> Tracer<'a> {
 
     /// What a ray meets first, but for the particle or shape at node `except`.
     pub(super) fn meet(&self, ray: &Ray, except: Option<u32>) -> Option<(f32, u32)> {
-        let hit = self.scene.structure().intersect(ray, except).map(|hit| (hit.t, hit.node));
-        self.scene.shape_met(ray, hit.map(|(depth, _)| depth), except).or(hit)
+        surface::meet(self.scene, ray, except)
     }
 
-    /// RGB radiance toward the origin of `ray`, which meets `node` at distance `t`.
-    pub(super) fn radiance(&self, ray: &Ray, (t, node): (f32, u32), sample: Sample) -> Vec3 {
+    /// RGB radiance toward the origin of `ray`, which meets a node at a distance.
+    pub(super) fn radiance(&self, ray: &Ray, met: (f32, u32), sample: Sample) -> Vec3 {
         let mut stream = sample.stream();
         let mut direction = ray.direction;
-        let mut surface = self.surface(ray, t, node);
+        let mut surface = Surface::new(self.scene, ray, met);
         let mut throughput = Vec3::ONE;
         let mut radiance = Vec3::ZERO;
         let (mut bounces, mut clear) = (0, 0);
@@ -159,8 +148,7 @@ impl<'a> Tracer<'a> {
     /// The surface that is met from another in a direction, if any.
     fn leave(&self, origin: Vec3, direction: Vec3, from: u32) -> Option<Surface> {
         let ray = Ray { origin, direction, t_min: 0.0, t_max: f32::INFINITY };
-        let (t, node) = self.meet(&ray, Some(from))?;
-        Some(self.surface(&ray, t, node))
+        Some(Surface::new(self.scene, &ray, self.meet(&ray, Some(from))?))
     }
 
     /// Light of the key light that a surface throws on.
@@ -174,15 +162,10 @@ impl<'a> Tracer<'a> {
             return Vec3::ZERO;
         }
         let ray = Ray { origin: surface.position, direction: toward, t_min: 0.0, t_max: f32::INFINITY };
-        if self.is_shadowed(&ray, surface.node) {
+        if surface::is_blocked(self.scene, &ray, Some(surface.node)) {
             return Vec3::ZERO;
         }
         thrown.share * (self.key_radiance / (self.key_density + thrown.density))
-    }
-
-    fn is_shadowed(&self, ray: &Ray, from: u32) -> bool {
-        self.scene.structure().occluded(ray, Some(from))
-            || self.scene.shape_met(ray, None, Some(from)).is_some()
     }
 
     /// Radiance from outside that a direction sees which was drawn with a density, beyond what looking at the key light finds; all of it
@@ -194,27 +177,6 @@ impl<'a> Tracer<'a> {
             radiance += share * self.key_radiance;
         }
         Vec3::splat(radiance)
-    }
-
-    /// Where a ray meets the particle or shape at a node.
-    fn surface(&self, ray: &Ray, t: f32, node: u32) -> Surface {
-        let point = ray.origin + t * ray.direction;
-        let structure = self.scene.structure();
-        if let Some((shapes, own, shift)) = self.scene.locate_shape(node) {
-            let (position, normal) = shapes.shape(own / 2).surface(point - shift, ray.direction);
-            let color = shapes.color(own, |owner| self.scene.color(owner)).into();
-            return Surface { node, position: position + shift, normal, color, sphere: None };
-        }
-        let (center, radius) = structure.sphere(node);
-        // A sphere so small that rounding leaves no direction faces the ray.
-        let normal = (point - center).normalize_or(-ray.direction);
-        Surface {
-            node,
-            position: center + radius * normal,
-            normal,
-            color: self.scene.color(structure.original(node)).into(),
-            sphere: Some((center, radius)),
-        }
     }
 }
 

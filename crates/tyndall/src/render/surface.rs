@@ -1,0 +1,51 @@
+//! What a single ray meets: the surface of a particle, or of a shape beside it.
+
+use glam::Vec3;
+
+use crate::math::Ray;
+use crate::scene::Scene;
+
+/// A surface that a ray met.
+#[derive(Clone, Copy)]
+pub(super) struct Surface {
+    pub(super) node: u32,
+    pub(super) position: Vec3,
+    pub(super) normal: Vec3,
+    pub(super) color: Vec3,
+    /// Of a sphere its center and radius; shapes are no clear bodies.
+    pub(super) sphere: Option<(Vec3, f32)>,
+}
+
+/// Distance and node of what a ray meets first, but for the particle or shape at node `except`.
+pub(super) fn meet(scene: &Scene, ray: &Ray, except: Option<u32>) -> Option<(f32, u32)> {
+    let hit = scene.structure().intersect(ray, except).map(|hit| (hit.t, hit.node));
+    scene.shape_met(ray, hit.map(|(depth, _)| depth), except).or(hit)
+}
+
+/// Whether a ray meets anything but the particle or shape at node `except`.
+pub(super) fn is_blocked(scene: &Scene, ray: &Ray, except: Option<u32>) -> bool {
+    scene.structure().occluded(ray, except) || scene.shape_met(ray, None, except).is_some()
+}
+
+impl Surface {
+    /// Where a ray meets the particle or shape at a node, at distance `t`.
+    pub(super) fn new(scene: &Scene, ray: &Ray, (t, node): (f32, u32)) -> Self {
+        let point = ray.origin + t * ray.direction;
+        let structure = scene.structure();
+        if let Some((shapes, own, shift)) = scene.locate_shape(node) {
+            let (position, normal) = shapes.shape(own / 2).surface(point - shift, ray.direction);
+            let color = shapes.color(own, |owner| scene.color(owner)).into();
+            return Self { node, position: position + shift, normal, color, sphere: None };
+        }
+        let (center, radius) = structure.sphere(node);
+        // A sphere so small that rounding leaves no direction faces the ray.
+        let normal = (point - center).normalize_or(-ray.direction);
+        Self {
+            node,
+            position: center + radius * normal,
+            normal,
+            color: scene.color(structure.original(node)).into(),
+            sphere: Some((center, radius)),
+        }
+    }
+}
