@@ -18,6 +18,7 @@ use super::gather::Radius;
 use super::harmonics::{self, count};
 use super::lit::{Lights, LitBricks, Spectrum};
 use super::photons;
+use super::solids::Solids;
 use crate::error::Result;
 use crate::medium::grid::{EDGE, Lattice};
 use crate::medium::{Light, Medium, Phase};
@@ -111,8 +112,9 @@ enum Channels {
 }
 
 impl Channels {
-    fn of(medium: &Medium, lights: &[Light]) -> Self {
-        if !medium.optics().is_grey() {
+    fn of(medium: &Medium, lights: &[Light], solids: Option<Solids>) -> Self {
+        // Bodies throw back light of their colors.
+        if solids.is_some() || !medium.optics().is_grey() {
             return Self::Three;
         }
         let mut common: Option<Vec3> = None;
@@ -163,7 +165,18 @@ impl Cache {
         settings: &Settings,
         progress: &dyn Progress,
     ) -> Result<Self> {
-        let builder = Builder::new(medium, lights, settings, progress)?;
+        Self::around(medium, lights, None, settings, progress)
+    }
+
+    /// The same with opaque bodies in the medium, which shadow it and throw light back into it.
+    pub fn around(
+        medium: &Medium,
+        lights: &[Light],
+        solids: Option<Solids>,
+        settings: &Settings,
+        progress: &dyn Progress,
+    ) -> Result<Self> {
+        let builder = Builder::new(medium, lights, solids, settings, progress)?;
         let direct = builder.direct();
         let fields = builder.smooth(&direct, settings.multiple)?;
         Ok(builder.finish(direct, fields))
@@ -197,6 +210,13 @@ impl Cache {
     /// `direction`.
     pub(super) fn near(&self, at: Vec3, direction: Vec3) -> Vec3 {
         self.albedo * self.near.iter().map(|light| light.scattered(at, self.phase, direction)).sum::<Vec3>()
+    }
+
+    /// The radiance that scattering adds at a point, per extinction, to light that travels against `direction`.
+    pub(super) fn scattered(&self, at: Vec3, direction: Vec3) -> Vec3 {
+        let weights = harmonics::scattered(-direction, self.phase.g());
+        let far: Vec3 = self.far.iter().map(|light| light.scattered(at, self.phase, direction)).sum();
+        self.albedo * (self.smooth(at, &weights) + far) + self.near(at, direction)
     }
 
     /// Memory that it takes.

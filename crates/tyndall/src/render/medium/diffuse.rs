@@ -36,6 +36,37 @@ pub(super) struct Level {
     pub(super) direct: Vec<Vec<f32>>,
     /// The first coefficient of what matter emits per extinction, if it does.
     pub(super) emitted: Option<Vec<f32>>,
+    /// Opaque bodies, if there are any.
+    pub(super) bodies: Option<Bodies>,
+}
+
+/// Opaque bodies as they are for smooth light, in one channel.
+pub(super) struct Bodies {
+    /// The extinction that they add, per unit length.
+    pub(super) extinction: Vec<f32>,
+    /// The share of what they stop that they throw back.
+    pub(super) albedo: f32,
+}
+
+impl Level {
+    /// Extinction per unit length.
+    fn extinction(&self, channel: Channel) -> Field {
+        let mut values: Vec<f32> = self.density.values.iter().map(|it| channel.extinction * it).collect();
+        if let Some(bodies) = &self.bodies {
+            values.iter_mut().zip(&bodies.extinction).for_each(|(sum, it)| *sum += it);
+        }
+        Field { lattice: self.density.lattice, values }
+    }
+
+    /// Of each sample the share of the extinction that is the bodies'.
+    fn share(&self, channel: Channel) -> Option<Vec<f32>> {
+        let bodies = self.bodies.as_ref()?;
+        let of_both = self.density.values.iter().zip(&bodies.extinction);
+        let share = |(density, bodies): (&f32, &f32)| {
+            bodies / (channel.extinction * density + bodies).max(f32::MIN_POSITIVE)
+        };
+        Some(of_both.map(share).collect())
+    }
 }
 
 /// When a solve is good enough.
@@ -83,22 +114,28 @@ pub(super) fn solve(
     Ok(fields(levels[0].density.lattice, radiance))
 }
 
-/// Coefficients of the radiance of the sky and of what is `emitted` (as in [`Level`]), before any scattering.
-pub(super) fn sky(
-    channel: Channel,
-    density: &Field,
-    ordinates: &[Ordinate],
-    emitted: Option<Vec<f32>>,
-) -> Vec<Field> {
-    let mut source: Radiance =
-        (0..count(channel.order)).map(|_| pages::zeros(density.values.len())).collect();
-    if emitted.is_none() && ordinates.iter().all(|ordinate| ordinate.inflow == 0.0) {
-        return fields(density.lattice, source);
+/// Coefficients of the radiance of the sky and of what is emitted, before any scattering; the light of lights without extent is left out.
+pub(super) fn sky(channel: Channel, level: Level, ordinates: &[Ordinate]) -> Vec<Field> {
+    let lattice = level.density.lattice;
+    let samples = level.density.values.len();
+    let mut source: Radiance = (0..count(channel.order)).map(|_| pages::zeros(samples)).collect();
+    if level.emitted.is_none() && ordinates.iter().all(|ordinate| ordinate.inflow == 0.0) {
+        return fields(lattice, source);
     }
-    if let Some(emitted) = emitted {
+    let sweeper = Sweeper::new(level.extinction(channel));
+    let share = level.share(channel);
+    if let Some(emitted) = level.emitted {
         source[0] = emitted;
+        dim(&mut source[0], share.as_deref());
     }
-    fields(density.lattice, sweeper(channel, density).sweep(ordinates, &source))
+    fields(lattice, sweeper.sweep(ordinates, &source))
+}
+
+/// Leaves of what matter adds per extinction what belongs to it, where bodies have a share of the extinction.
+fn dim(values: &mut [f32], share_of_bodies: Option<&[f32]>) {
+    for (value, share) in values.iter_mut().zip(share_of_bodies.into_iter().flatten()) {
+        *value *= 1.0 - share;
+    }
 }
 
 /// Coefficients of radiance at the samples of a lattice.
@@ -108,6 +145,8 @@ struct Solver<'a> {
     channel: Channel,
     levels: &'a [Level],
     sweepers: Vec<Sweeper>,
+    /// For every level, of each sample the share of bodies in the extinction, if there are any.
+    shares: Vec<Option<Vec<f32>>>,
     ordinates: &'a [Ordinate],
     /// The same directions with nothing that flows in.
     dark: Vec<Ordinate>,
@@ -125,7 +164,8 @@ impl<'a> Solver<'a> {
         Self {
             channel,
             levels,
-            sweepers: levels.iter().map(|level| sweeper(channel, &level.density)).collect(),
+            sweepers: levels.iter().map(|level| Sweeper::new(level.extinction(channel))).collect(),
+            shares: levels.iter().map(|level| level.share(channel)).collect(),
             ordinates,
             dark: ordinates.iter().map(|it| Ordinate { inflow: 0.0, ..*it }).collect(),
             weights: weights.collect(),
@@ -140,8 +180,10 @@ impl<'a> Solver<'a> {
     fn lit(&self, place: usize, radiance: &Radiance) -> Radiance {
         let mut arriving = radiance.clone();
         add(&mut arriving, &self.levels[place].direct);
-        let mut source = self.scattered(arriving);
+        let mut source = self.scattered(place, arriving);
         if let Some(emitted) = &self.levels[place].emitted {
+            let mut emitted = emitted.clone();
+            dim(&mut emitted, self.shares[place].as_deref());
             source[0].iter_mut().zip(emitted).for_each(|(sum, it)| *sum += it);
         }
         self.sweepers[place].sweep(self.ordinates, &source)
@@ -149,14 +191,23 @@ impl<'a> Solver<'a> {
 
     /// The radiance after one more scattering.
     fn scattered_once(&self, place: usize, radiance: Radiance) -> Radiance {
-        self.sweepers[place].sweep(&self.dark, &self.scattered(radiance))
+        self.sweepers[place].sweep(&self.dark, &self.scattered(place, radiance))
     }
 
     /// Coefficients of what scattering adds per extinction.
-    fn scattered(&self, mut radiance: Radiance) -> Radiance {
+    fn scattered(&self, place: usize, mut radiance: Radiance) -> Radiance {
+        let bodies = self.levels[place].bodies.as_ref().map_or(0.0, |bodies| bodies.albedo);
+        let share_of_bodies = self.shares[place].as_deref();
         for (coefficients, order) in radiance.iter_mut().zip(ORDER) {
             let share = self.channel.albedo * self.channel.g.powi(order);
-            coefficients.iter_mut().for_each(|it| *it *= share);
+            // What bodies throw back is taken as even.
+            let back = if order == 0 { bodies } else { 0.0 };
+            match share_of_bodies {
+                None => coefficients.iter_mut().for_each(|it| *it *= share),
+                Some(of_bodies) => coefficients.iter_mut().zip(of_bodies).for_each(|(it, of_bodies)| {
+                    *it *= share + of_bodies * (back - share);
+                }),
+            }
         }
         radiance
     }
@@ -217,11 +268,6 @@ pub(super) fn mean(weights: &Field, sums: &Field, values: &[f32]) -> Field {
 
 fn fields(lattice: Lattice, coefficients: Radiance) -> Vec<Field> {
     coefficients.into_iter().map(|values| Field { lattice, values }).collect()
-}
-
-fn sweeper(channel: Channel, density: &Field) -> Sweeper {
-    let values = density.values.iter().map(|it| channel.extinction * it).collect();
-    Sweeper::new(Field { lattice: density.lattice, values })
 }
 
 fn add(sum: &mut Radiance, radiance: &Radiance) {

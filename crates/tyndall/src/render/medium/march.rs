@@ -14,17 +14,20 @@ use rayon::prelude::*;
 
 use super::brute::BruteForce;
 use super::cache::{Cache, Lit};
+use super::free_path::Tracker;
+use super::lights::Lights;
 use super::lit::{LitBricks, Spectrum};
 use super::packet::{self, Gathered, Matter, Paths};
+use super::solids::{Solids, cosine_direction, thrown};
 use super::space::Space;
 use super::walk::Path;
 use crate::error::{Error, Result};
 use crate::math::{Bounds, Ray};
-use crate::medium::light::Environment;
 use crate::medium::{Light, Medium, Noise};
 use crate::progress::Progress;
 use crate::random::Stream;
-use crate::render::sampling::{Dimension, point};
+use crate::render::sampling::{Dimension, point, shuffled_point};
+use crate::render::surface::Surface;
 use crate::scene::camera::View;
 
 /// The knobs of a marched picture.
@@ -75,7 +78,9 @@ pub enum Illumination<'a> {
 pub struct March<'a> {
     medium: &'a Medium,
     light: Source<'a>,
-    skies: Vec<&'a Environment>,
+    lights: Lights<'a>,
+    solids: Option<Solids<'a>>,
+    tracker: Tracker<'a>,
     noise: Option<&'a Noise>,
     /// Where the medium may be, with its noise.
     bounds: Bounds,
@@ -104,6 +109,8 @@ struct Sums {
     lost: f32,
 }
 
+/// Paths from body to body whose throughput falls below this are ended with a chance.
+const ROULETTE: f32 = 0.25;
 /// Rays end where less than this comes through.
 pub(super) const DARK: f32 = 1e-3;
 /// Pixels along an edge of a tile.
@@ -128,10 +135,6 @@ impl<'a> March<'a> {
         if !(1e-3..1e3).contains(&step) {
             return Err(Error::setting("step", step, "0.001 to 1000 spacings of the density"));
         }
-        let skies = lights.iter().filter_map(|light| match light {
-            Light::Environment(sky) => Some(sky),
-            _ => None,
-        });
         let light = match light {
             Illumination::Cached(cache) => Source::Cached(cache, cache.seen(medium, &view)),
             Illumination::BruteForce(brute) => Source::BruteForce(brute),
@@ -139,7 +142,9 @@ impl<'a> March<'a> {
         Ok(Self {
             medium,
             light,
-            skies: skies.collect(),
+            lights: Lights::new(lights),
+            solids: None,
+            tracker: Tracker::new(medium),
             noise: None,
             bounds: medium.bounds(),
             space: Space::of(medium.density()),
@@ -156,6 +161,11 @@ impl<'a> March<'a> {
         let bounds = self.medium.bounds().grown(noise.reach());
         let space = Space::reached(grid, noise.reach() / grid.spacing());
         Self { noise: Some(noise), bounds, space, ..self }
+    }
+
+    /// The same with opaque bodies in the medium: those that the light's [`Cache::around`] knows.
+    pub fn with_solids(self, solids: Solids<'a>) -> Self {
+        Self { solids: Some(solids), ..self }
     }
 
     /// Whether every pixel has all its samples.
@@ -214,7 +224,8 @@ impl<'a> March<'a> {
     #[inline(always)]
     fn sample(&self, column: u32, row: u32, sums: &mut Sums) {
         let Settings { width, seed, .. } = self.settings;
-        let (ray, start) = self.ray(column, row);
+        let (mut ray, start) = self.ray(column, row);
+        let met = self.meet(&mut ray, None);
         let through = match &self.light {
             Source::Cached(cache, lit) => match &**lit {
                 Lit::Grey(bricks, hue) => {
@@ -227,20 +238,90 @@ impl<'a> March<'a> {
             },
             Source::BruteForce(brute) => {
                 let number = row * width + column;
-                let stream =
+                let mut stream =
                     Stream::new(u64::from(seed), u64::from(number) << 32 | u64::from(self.samples_done));
-                self.brute(&ray, start, brute, stream).add_to(sums, Vec3::ONE)
+                let light = |at| brute.scattered(at, ray.direction, &mut stream);
+                self.stepped(&ray, start, light).add_to(sums, Vec3::ONE)
             }
         };
-        self.add_behind(ray.direction, through, sums);
+        self.add_behind(&ray, (met, through), row * width + column, sums);
     }
 
-    /// Adds what comes through from behind the medium.
+    /// The surface that a ray meets, but that of node `except`; the ray ends there.
     #[inline(always)]
-    fn add_behind(&self, direction: Vec3, through: Vec3, sums: &mut Sums) {
-        let behind: Vec3 = self.skies.iter().map(|sky| sky.radiance(direction)).sum();
-        sums.environment += through * behind;
-        sums.transmittance += through;
+    fn meet(&self, ray: &mut Ray, except: Option<u32>) -> Option<Surface> {
+        let (distance, surface) = self.solids?.meet(ray, except)?;
+        ray.t_max = distance;
+        Some(surface)
+    }
+
+    /// Adds what comes through, of the surface at the end of a ray of that pixel or from behind everything.
+    #[inline(always)]
+    fn add_behind(&self, ray: &Ray, (met, through): (Option<Surface>, Vec3), pixel: u32, sums: &mut Sums) {
+        let Some(surface) = met else {
+            sums.environment += through * self.lights.seen(ray.direction);
+            sums.transmittance += through;
+            return;
+        };
+        let seen = through.element_sum();
+        sums.depth += seen * ray.t_max;
+        sums.lost += seen;
+        if seen > 0.0 {
+            sums.scattered += through * self.surface_radiance(surface, pixel);
+        }
+    }
+
+    /// The radiance that a surface throws back toward the eye, a sample of it: by a path that goes from body to body and takes the medium's light from where
+    /// the march takes it.
+    #[inline(never)]
+    fn surface_radiance(&self, surface: Surface, pixel: u32) -> Vec3 {
+        let (seed, sample) = (self.settings.seed, self.samples_done);
+        let mut stream = Stream::new(u64::from(seed), u64::from(pixel) << 32 | u64::from(!sample));
+        let mut random = shuffled_point(seed, Dimension::Sky, pixel, sample);
+        let (mut surface, mut throughput, mut radiance) = (surface, Vec3::ONE, Vec3::ZERO);
+        loop {
+            throughput *= surface.color;
+            let share = |toward: Vec3| thrown(&surface, toward);
+            let through = |ray: &Ray, _: &mut Stream| match self.solids {
+                Some(solids) if solids.block(ray, Some(surface.node)) => Vec3::ZERO,
+                _ => self.tracker.transmittance(ray),
+            };
+            radiance += throughput * self.lights.direct(surface.position, share, through, &mut stream);
+            let most = throughput.max_element();
+            if most < ROULETTE {
+                if stream.unit() * ROULETTE >= most {
+                    return radiance;
+                }
+                throughput *= ROULETTE / most;
+            }
+            let direction = cosine_direction(&surface, random);
+            let density = thrown(&surface, direction);
+            let mut ray = Ray { origin: surface.position, direction, t_min: 0.0, t_max: f32::INFINITY };
+            let met = self.meet(&mut ray, Some(surface.node));
+            let (added, through) = self.along(&ray, &mut stream);
+            radiance += throughput * added;
+            throughput *= through;
+            match met {
+                None => return radiance + throughput * self.lights.left_over(direction, density),
+                Some(next) if throughput != Vec3::ZERO => surface = next,
+                Some(_) => return radiance,
+            }
+            random = [stream.unit(), stream.unit()];
+        }
+    }
+
+    /// The radiance that the medium adds along a ray that is not the eye's, and the share of what is behind that comes through.
+    fn along(&self, ray: &Ray, stream: &mut Stream) -> (Vec3, Vec3) {
+        let start = stream.unit();
+        let walk = match &self.light {
+            Source::Cached(cache, _) => {
+                self.stepped(ray, start, |at| cache.scattered(at, ray.direction) + self.medium.emitted(at))
+            }
+            Source::BruteForce(brute) => {
+                self.stepped(ray, start, |at| brute.scattered(at, ray.direction, stream))
+            }
+        };
+        (walk.scattered, walk.transmittance)
     }
 
     /// What can be marched in packets, if that is all: light from the cache, without noise.
@@ -256,26 +337,29 @@ impl<'a> March<'a> {
     #[inline(always)]
     fn sample_packet<S: Simd>(&self, simd: S, lit: &Lit, column: u32, row: u32, sums: &mut [Sums]) {
         let mut paths = Paths::new();
-        let mut directions = [Vec3::ZERO; packet::RAYS];
-        for (lane, direction) in directions.iter_mut().enumerate().take(sums.len()) {
-            let (ray, start) = self.ray(column + lane as u32, row);
-            *direction = ray.direction;
-            if let Some(path) = Path::within(&self.bounds, self.medium.density(), &ray) {
+        let mut rays = [self.ray(column, row).0; packet::RAYS];
+        let mut met = [const { None }; packet::RAYS];
+        for (lane, (ray, met)) in rays.iter_mut().zip(&mut met).enumerate().take(sums.len()) {
+            let start;
+            (*ray, start) = self.ray(column + lane as u32, row);
+            *met = self.meet(ray, None);
+            if let Some(path) = Path::within(&self.bounds, self.medium.density(), ray) {
                 paths.set(lane, &path, start);
             }
         }
+        let first = row * self.settings.width + column;
         let extinction = Vec3::from(self.medium.optics().extinction) * self.step();
         let additive = self.medium.is_additive();
         match lit {
             Lit::Grey(bricks, hue) => {
                 let matter = Matter { extinction: [extinction[hue.channel]], additive };
                 let found = packet::march::<_, _, 1, 2>(simd, &paths, bricks, self.step(), &matter);
-                self.add_packet(&found, hue.color, &directions, sums);
+                self.add_packet(&found, hue.color, (&rays, &met), first, sums);
             }
             Lit::Colored(bricks) => {
                 let matter = Matter { extinction: extinction.to_array(), additive };
                 let found = packet::march::<_, _, 3, 4>(simd, &paths, bricks, self.step(), &matter);
-                self.add_packet(&found, Vec3::ONE, &directions, sums);
+                self.add_packet(&found, Vec3::ONE, (&rays, &met), first, sums);
             }
         }
     }
@@ -286,14 +370,16 @@ impl<'a> March<'a> {
         &self,
         found: &Gathered<C>,
         color: Vec3,
-        directions: &[Vec3],
+        (rays, met): (&[Ray], &[Option<Surface>]),
+        first: u32,
         sums: &mut [Sums],
     ) {
-        for (lane, (sums, &direction)) in sums.iter_mut().zip(directions).enumerate() {
+        for (lane, ((sums, ray), met)) in sums.iter_mut().zip(rays).zip(met).enumerate() {
             sums.scattered += packet::rgb(&found.scattered, lane) * color;
             sums.depth += found.depth[lane];
             sums.lost += found.lost[lane];
-            self.add_behind(direction, packet::rgb(&found.transmittance, lane), sums);
+            let through = packet::rgb(&found.transmittance, lane);
+            self.add_behind(ray, (*met, through), first + lane as u32, sums);
         }
     }
 
@@ -337,7 +423,7 @@ impl<'a> March<'a> {
     }
 
     /// Along a ray with light that is found at every step.
-    fn brute(&self, ray: &Ray, start: f32, brute: &BruteForce, mut stream: Stream) -> Walk<Vec3> {
+    fn stepped(&self, ray: &Ray, start: f32, mut light: impl FnMut(Vec3) -> Vec3) -> Walk<Vec3> {
         let mut walk = self.walk(0);
         let extinction = Vec3::from(self.medium.optics().extinction) * self.step();
         let Some(mut crossing) = self.crossing(ray, start) else { return walk };
@@ -347,7 +433,7 @@ impl<'a> March<'a> {
             let (at, factor) = self.noise.map_or((at, 1.0), |noise| noise.disperse(at));
             let density = factor * self.medium.density().density(at);
             if density > 0.0 {
-                walk.step(extinction * density, brute.scattered(at, ray.direction, &mut stream), t);
+                walk.step(extinction * density, light(at), t);
                 if walk.is_dark() {
                     break;
                 }

@@ -13,6 +13,7 @@ pub mod free_path;
 pub mod gather;
 mod glowing;
 mod harmonics;
+mod lights;
 mod lit;
 pub mod march;
 mod packet;
@@ -20,6 +21,7 @@ pub mod photons;
 pub mod reference;
 mod regular;
 pub mod show;
+pub mod solids;
 mod space;
 mod sweep;
 #[cfg(test)]

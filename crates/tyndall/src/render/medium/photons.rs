@@ -15,6 +15,7 @@ use rayon::prelude::*;
 
 use super::free_path::{FreePath, Tracker};
 use super::glowing::Glowing;
+use super::solids::{Solids, cosine_direction};
 use crate::error::{Error, Result};
 use crate::math::{Bounds, Ray};
 use crate::medium::light::Emission;
@@ -88,11 +89,23 @@ pub fn trace(
     settings: &Settings,
     progress: &dyn Progress,
 ) -> Result<Photons> {
+    trace_around(medium, lights, None, settings, progress)
+}
+
+/// The same with opaque bodies, which photons do not enter: they throw them back, or end them. Light that came from a body counts as scattered.
+pub fn trace_around(
+    medium: &Medium,
+    lights: &[Light],
+    solids: Option<Solids>,
+    settings: &Settings,
+    progress: &dyn Progress,
+) -> Result<Photons> {
     if !(1..=1 << 32).contains(&settings.count) {
         return Err(Error::setting("photons", settings.count, "1 to 2^32"));
     }
     progress.begin("photons", Some(settings.count), "photons");
-    let tracer = Tracer { tracker: Tracker::new(medium), settings };
+    let bounds = solids.map_or(medium.bounds(), |it| medium.bounds().union(it.bounds()));
+    let tracer = Tracer { tracker: Tracker::new(medium), solids, bounds, settings };
     let glowing = Glowing::new(medium);
     let lights = lights.iter().map(Emitter::Light).chain(glowing.iter().map(Emitter::Matter));
     let chunks = tracer.chunks(lights.collect());
@@ -164,15 +177,17 @@ struct Chunk<'a> {
 
 struct Tracer<'a> {
     tracker: Tracker<'a>,
+    solids: Option<Solids<'a>>,
+    /// Of all that light meets.
+    bounds: Bounds,
     settings: &'a Settings,
 }
 
 impl Tracer<'_> {
     /// The work: every light with power gets its share of the photons, at least one.
     fn chunks<'a>(&self, emitters: Vec<Emitter<'a>>) -> Vec<Chunk<'a>> {
-        let bounds = self.tracker.medium().bounds();
         let powers: Vec<f64> =
-            emitters.iter().map(|emitter| f64::from(emitter.power(&bounds).element_sum())).collect();
+            emitters.iter().map(|emitter| f64::from(emitter.power(&self.bounds).element_sum())).collect();
         let total: f64 = powers.iter().sum();
         let mut chunks = Vec::new();
         let mut first = 0;
@@ -189,11 +204,10 @@ impl Tracer<'_> {
     }
 
     fn chunk(&self, chunk: &Chunk) -> Photons {
-        let bounds = self.tracker.medium().bounds();
         let mut photons = Photons { emitted: chunk.end - chunk.first, ..Photons::default() };
         for number in chunk.first..chunk.end {
             let mut stream = Stream::new(u64::from(self.settings.seed), number);
-            let mut emission = chunk.emitter.emit(&bounds, &mut stream);
+            let mut emission = chunk.emitter.emit(&self.bounds, &mut stream);
             emission.power /= chunk.of as f32;
             if emission.power != Vec3::ZERO {
                 let stores_first =
@@ -217,9 +231,30 @@ impl Tracer<'_> {
         let Emission { mut origin, mut direction, mut power } = emission;
         photons.emitted_power += power.as_dvec3();
         let mut is_first = true;
+        let mut from = None;
         loop {
-            let ray = Ray { origin, direction, t_min: 0.0, t_max: f32::INFINITY };
-            let Some(distance) = self.tracker.next(self.settings.free_path, &ray, &mut power, stream) else {
+            let mut ray = Ray { origin, direction, t_min: 0.0, t_max: f32::INFINITY };
+            let met = self.solids.and_then(|solids| solids.meet(&ray, from));
+            if let Some((distance, _)) = met {
+                ray.t_max = distance;
+            }
+            let flown = self.tracker.next(self.settings.free_path, &ray, &mut power, stream);
+            if let (None, Some((_, surface))) = (flown, met) {
+                // What is thrown back has been neither seen from the light nor scattered: it is stored where it is.
+                (origin, from, is_first) = (surface.position, Some(surface.node), false);
+                let thrown = power * surface.color;
+                let survival = thrown.max_element() / power.max_element();
+                if stream.unit() >= survival {
+                    photons.absorbed_power += power.as_dvec3();
+                    return None;
+                }
+                photons.absorbed_power += (power - thrown / survival).as_dvec3();
+                power = thrown / survival;
+                direction = cosine_direction(&surface, [stream.unit(), stream.unit()]);
+                continue;
+            }
+            from = None;
+            let Some(distance) = flown else {
                 photons.escaped_power += power.as_dvec3();
                 return Some(direction);
             };

@@ -15,14 +15,16 @@ use glam::Vec3;
 use rayon::prelude::*;
 
 use super::free_path::{FreePath, Tracker};
+use super::lights::Lights;
 use super::regular::Crossing;
+use super::solids::{Solids, cosine_direction, thrown};
 use crate::error::{Error, Result};
 use crate::math::Ray;
-use crate::medium::light::Environment;
 use crate::medium::{Light, Medium};
 use crate::progress::Progress;
 use crate::random::Stream;
 use crate::render::sampling::{Dimension, point, shuffled_point};
+use crate::render::surface::Surface;
 use crate::scene::camera::View;
 
 /// The knobs of a reference picture.
@@ -55,20 +57,11 @@ pub struct Pixel {
 pub struct Reference<'a> {
     tracker: Tracker<'a>,
     lights: Lights<'a>,
+    solids: Option<Solids<'a>>,
     view: View,
     settings: Settings,
     sums: Vec<Pixel>,
     samples_done: u32,
-}
-
-/// The lights by how they are looked at.
-struct Lights<'a> {
-    /// Those without extent: by a shadow ray.
-    sharp: Vec<&'a Light>,
-    /// The sum of all constant environments: by paths that leave.
-    constant: Vec3,
-    /// By both.
-    images: Vec<(&'a Light, &'a Environment)>,
 }
 
 /// Paths of one camera ray. To integrate along the ray takes about as long as a path, so that two halve the variance for half as
@@ -87,7 +80,20 @@ impl<'a> Reference<'a> {
         }
         let sums = vec![Pixel::default(); width as usize * height as usize];
         let lights = Lights::new(lights);
-        Ok(Self { tracker: Tracker::new(medium), lights, view, settings, sums, samples_done: 0 })
+        Ok(Self {
+            tracker: Tracker::new(medium),
+            lights,
+            solids: None,
+            view,
+            settings,
+            sums,
+            samples_done: 0,
+        })
+    }
+
+    /// The same with opaque bodies in the medium.
+    pub fn with_solids(self, solids: Solids<'a>) -> Self {
+        Self { solids: Some(solids), ..self }
     }
 
     /// Adds `samples` to every pixel; reports `width * height * samples` to `progress`. Fails only when interrupted; the
@@ -136,16 +142,26 @@ impl<'a> Reference<'a> {
         let seed = self.settings.seed;
         let number = row * self.settings.width + column;
         let [x, y] = point(seed, Dimension::Pixel, number, sample);
-        let ray = self.view.ray(column as f32 + x, row as f32 + y);
+        let mut ray = self.view.ray(column as f32 + x, row as f32 + y);
+        let met = self.meet(&mut ray, None);
 
-        let behind = self.lights.seen(ray.direction);
         self.tracker.cross(&ray, crossing);
-        let transmittance = self.tracker.through(crossing.column);
+        let through = self.tracker.through(crossing.column);
+        let transmittance = if met.is_some() { Vec3::ZERO } else { through };
+        let behind = self.lights.seen(ray.direction);
         let mut pixel = Pixel { scattered: Vec3::ZERO, environment: transmittance * behind, transmittance };
         if self.tracker.medium().is_additive() {
             pixel.scattered = self.tracker.added(&ray);
         }
-        if transmittance == Vec3::ONE {
+        if let Some(surface) = met.filter(|_| through != Vec3::ZERO) {
+            let mut stream = Stream::new(u64::from(seed), u64::from(number) << 32 | u64::from(!sample));
+            let random = shuffled_point(seed, Dimension::Lens, number, sample);
+            let most = through.max_element();
+            let start = Ray { origin: surface.position, ..ray };
+            let radiance = self.path(Met::Surface(surface), start, through / most, random, &mut stream);
+            pixel.scattered += most * radiance;
+        }
+        if through == Vec3::ONE {
             return pixel;
         }
         for path in sample * PATHS..(sample + 1) * PATHS {
@@ -155,31 +171,42 @@ impl<'a> Reference<'a> {
             let start = Ray { origin: ray.origin + distance * ray.direction, ..ray };
             // The roulette must not end a path because little of the medium is in the way.
             let scale = weight.max_element();
-            let radiance = self.path(start, weight / scale, at(Dimension::Sky), &mut stream);
+            let radiance = self.path(Met::Matter, start, weight / scale, at(Dimension::Sky), &mut stream);
             pixel.scattered += scale / PATHS as f32 * radiance;
         }
         pixel
     }
 
-    /// The radiance of a path that first meets matter at the origin of `ray`, coming along its direction from the camera.
-    fn path(&self, ray: Ray, weight: Vec3, random: [f32; 2], stream: &mut Stream) -> Vec3 {
+    /// The surface that a ray meets, but that of node `except`; the ray ends there.
+    fn meet(&self, ray: &mut Ray, except: Option<u32>) -> Option<Surface> {
+        let (distance, surface) = self.solids?.meet(ray, except)?;
+        ray.t_max = distance;
+        Some(surface)
+    }
+
+    /// The radiance of a path that first meets something at the origin of `ray`, coming along its direction from the camera.
+    fn path(&self, met: Met, ray: Ray, weight: Vec3, random: [f32; 2], stream: &mut Stream) -> Vec3 {
         let medium = self.tracker.medium();
         let optics = medium.optics();
-        let albedo = Vec3::from(optics.albedo);
-        let (mut at, mut direction) = (ray.origin, ray.direction);
+        let (mut met, mut at, mut direction) = (met, ray.origin, ray.direction);
         let mut throughput = weight;
         let mut radiance = Vec3::ZERO;
         let mut random = random;
         let mut scatterings = 0;
         loop {
-            radiance += throughput * medium.emitted(at);
+            if let Met::Matter = met {
+                radiance += throughput * medium.emitted(at);
+            }
             if self.settings.orders.is_some_and(|orders| scatterings >= orders) {
                 return radiance;
             }
-            throughput *= albedo;
+            throughput *= match &met {
+                Met::Matter => Vec3::from(optics.albedo),
+                Met::Surface(surface) => surface.color,
+            };
             // Looks at the lights.
-            radiance += throughput * self.direct(at, direction, stream);
-            // Goes on in a direction of the phase function's, unless the dice end the path.
+            radiance += throughput * self.direct(&met, at, direction, stream);
+            // Goes on in a direction of the phase function's or the surface's, unless the dice end the path.
             let most = throughput.max_element();
             if most < ROULETTE {
                 if stream.unit() * ROULETTE >= most {
@@ -188,98 +215,63 @@ impl<'a> Reference<'a> {
                 throughput *= ROULETTE / most;
             }
             let before = direction;
-            direction = optics.phase.sample(direction, random);
-            let next = Ray { origin: at, direction, t_min: 0.0, t_max: f32::INFINITY };
-            match self.tracker.next(self.settings.free_path, &next, &mut throughput, stream) {
+            direction = match &met {
+                Met::Matter => optics.phase.sample(direction, random),
+                Met::Surface(surface) => cosine_direction(surface, random),
+            };
+            let mut next = Ray { origin: at, direction, t_min: 0.0, t_max: f32::INFINITY };
+            let surface = self.meet(&mut next, met.node());
+            if medium.is_additive() {
+                radiance += throughput * self.tracker.added(&next);
+            }
+            let flown = self.tracker.next(self.settings.free_path, &next, &mut throughput, stream);
+            (at, met) = match (flown, surface) {
+                (Some(distance), _) => (at + distance * direction, Met::Matter),
+                (None, Some(surface)) => (surface.position, Met::Surface(surface)),
                 // Leaves: sees what of the sky it has not looked at.
-                None => {
-                    let density = optics.phase.evaluate(before.dot(direction));
+                (None, None) => {
+                    let density = met.share(medium, before, direction);
                     return radiance + throughput * self.lights.left_over(direction, density);
                 }
-                Some(distance) => at += distance * direction,
-            }
+            };
             scatterings += 1;
             random = [stream.unit(), stream.unit()];
         }
     }
 
-    /// Light that arrives at a point from the lights that can be looked at, times the phase function toward `direction`.
-    fn direct(&self, at: Vec3, direction: Vec3, stream: &mut Stream) -> Vec3 {
-        let phase = self.tracker.medium().optics().phase;
-        let mut radiance = Vec3::ZERO;
-        let shadow =
-            |toward: Vec3, distance: f32| Ray { origin: at, direction: toward, t_min: 0.0, t_max: distance };
-        let scattered = |toward: Vec3| phase.evaluate(direction.dot(toward));
-        // One of the lights without extent, in proportion to what it would bring through emptiness.
-        let bring = |light: &Light| {
-            let arrival = light.toward(at, [0.5; 2]);
-            (arrival, scattered(arrival.toward) * arrival.light)
+    /// Light that arrives at a point from the lights that can be looked at, times the share that goes against `direction`.
+    fn direct(&self, met: &Met, at: Vec3, direction: Vec3, stream: &mut Stream) -> Vec3 {
+        let share = |toward: Vec3| met.share(self.tracker.medium(), direction, toward);
+        let through = |ray: &Ray, stream: &mut Stream| match self.solids {
+            Some(solids) if solids.block(ray, met.node()) => Vec3::ZERO,
+            _ => self.tracker.ratio_transmittance(ray, stream),
         };
-        let chosen = match self.lights.sharp.as_slice() {
-            [] => None,
-            [light] => Some((bring(light), 1.0)),
-            lights => choose(lights.iter().map(|light| bring(light).1.element_sum()), stream)
-                .map(|(number, chance)| (bring(lights[number]), chance)),
-        };
-        if let Some(((arrival, brought), chance)) = chosen
-            && brought != Vec3::ZERO
-        {
-            let ray = shadow(arrival.toward, arrival.distance);
-            radiance += brought / chance * self.tracker.ratio_transmittance(&ray, stream);
-        }
-        for (light, environment) in &self.lights.images {
-            let arrival = light.toward(at, [stream.unit(), stream.unit()]);
-            let density = environment.density(arrival.toward);
-            let share = scattered(arrival.toward);
-            // The balance heuristic between the sky's directions and the phase function's.
-            let weight = share * density / (density + share);
-            let ray = shadow(arrival.toward, f32::INFINITY);
-            radiance += weight * arrival.light * self.tracker.ratio_transmittance(&ray, stream);
-        }
-        radiance
+        self.lights.direct(at, share, through, stream)
     }
 }
 
-impl<'a> Lights<'a> {
-    fn new(lights: &'a [Light]) -> Self {
-        let mut sorted = Self { sharp: Vec::new(), constant: Vec3::ZERO, images: Vec::new() };
-        for light in lights {
-            match light {
-                Light::Environment(sky) if sky.is_constant() => sorted.constant += sky.mean(),
-                Light::Environment(sky) => sorted.images.push((light, sky)),
-                Light::Directional(_) | Light::Point(_) | Light::Spot(_) => sorted.sharp.push(light),
-            }
-        }
-        sorted
-    }
-
-    /// Radiance of the environment in a direction.
-    fn seen(&self, toward: Vec3) -> Vec3 {
-        self.images.iter().fold(self.constant, |sum, (_, sky)| sum + sky.radiance(toward))
-    }
-
-    /// What a path that leaves in a direction drawn with `density` adds to what looking at the images has found.
-    fn left_over(&self, toward: Vec3, density: f32) -> Vec3 {
-        let image = |sky: &Environment| density / (density + sky.density(toward)) * sky.radiance(toward);
-        self.images.iter().fold(self.constant, |sum, (_, sky)| sum + image(sky))
-    }
+/// What a path met.
+enum Met {
+    Matter,
+    Surface(Surface),
 }
 
-/// The number of one of `weights`, drawn in proportion, and its chance; `None` if all are 0.
-fn choose(weights: impl Iterator<Item = f32> + Clone, stream: &mut Stream) -> Option<(usize, f32)> {
-    let total: f32 = weights.clone().sum();
-    let mut rest = stream.unit() * total;
-    let mut last = None;
-    for (number, weight) in weights.enumerate() {
-        if weight > 0.0 {
-            last = Some((number, weight / total));
-            if rest < weight {
-                break;
-            }
+impl Met {
+    /// The share of light from `toward` that goes against `direction`: per solid angle, the density with which a path goes there.
+    fn share(&self, medium: &Medium, direction: Vec3, toward: Vec3) -> f32 {
+        match self {
+            Self::Matter => medium.optics().phase.evaluate(direction.dot(toward)),
+            Self::Surface(surface) => thrown(surface, toward),
         }
-        rest -= weight;
     }
-    last
+
+    /// The node of a surface, which rays from it do not meet.
+    fn node(&self) -> Option<u32> {
+        match self {
+            Self::Matter => None,
+            Self::Surface(surface) => Some(surface.node),
+        }
+    }
 }
 
 #[cfg(test)]

@@ -20,6 +20,7 @@ use crate::random::Stream;
 use crate::scene::camera::{Camera, Projection, View};
 
 mod emission;
+mod solids;
 
 const PI: f32 = std::f32::consts::PI;
 

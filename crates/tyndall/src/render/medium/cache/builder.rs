@@ -5,11 +5,12 @@ use rayon::prelude::*;
 
 use super::super::balls::Wanted;
 use super::super::columns::{self, Source};
-use super::super::diffuse::{self, Accuracy, Channel, Level};
+use super::super::diffuse::{self, Accuracy, Bodies, Channel, Level};
 use super::super::field::{Field, lattice_over, sample};
 use super::super::gather::{PhotonMap, Radius};
 use super::super::harmonics::{self, count};
 use super::super::photons::{self, Stored};
+use super::super::solids::{Smooth, Solids};
 use super::super::sweep::Ordinate;
 use super::{Cache, Channels, Direct, Multiple, Settings};
 use crate::error::{Error, Result};
@@ -41,6 +42,9 @@ pub(super) struct Builder<'a> {
     order: usize,
     channels: Channels,
     ordinates: Vec<Vec3>,
+    solids: Option<Solids<'a>>,
+    /// The same for smooth light, on each lattice.
+    bodies: Vec<Smooth>,
     progress: &'a dyn Progress,
 }
 
@@ -48,6 +52,7 @@ impl<'a> Builder<'a> {
     pub(super) fn new(
         medium: &'a Medium,
         lights: &'a [Light],
+        solids: Option<Solids<'a>>,
         settings: &Settings,
         progress: &'a dyn Progress,
     ) -> Result<Self> {
@@ -93,9 +98,11 @@ impl<'a> Builder<'a> {
             lights,
             parted: lights.iter().flat_map(parted).collect(),
             density: Field::density(grid, lattice_over(grid, spacing)),
+            bodies: solids.iter().flat_map(|it| lattices.iter().map(|lattice| it.smooth(*lattice))).collect(),
+            solids,
             lattices,
             order: harmonics::order_for(g),
-            channels: Channels::of(medium, lights),
+            channels: Channels::of(medium, lights, solids),
             ordinates: harmonics::directions(settings.directions as usize),
             progress,
         })
@@ -114,6 +121,13 @@ impl<'a> Builder<'a> {
             } else {
                 let of_sample = |&it: &f32| channels.iter().map(move |extinction| exp_minus(extinction * it));
                 transmittance = transmittance.iter().flat_map(of_sample).collect();
+            }
+            if let Some(solids) = &self.solids {
+                let toward = |at: Vec3| {
+                    let arrival = light.toward(at, [0.5; 2]);
+                    (arrival.toward, arrival.distance)
+                };
+                solids.shade(&self.density.lattice, &mut transmittance, channels.len(), toward);
             }
             Direct {
                 light: light.clone(),
@@ -140,7 +154,13 @@ impl<'a> Builder<'a> {
                 Multiple::Photons(..) => None,
                 _ => self.emitted(channel, &density),
             };
-            diffuse::sky(self.channel(channel), &density, &self.inflow(channel), emitted)
+            let level = Level {
+                density: density.clone(),
+                direct: Vec::new(),
+                emitted,
+                bodies: self.bodies_of(0, channel),
+            };
+            diffuse::sky(self.channel(channel), level, &self.inflow(channel))
         };
         let mut fields = self.each_channel(|channel| Ok(sky(channel)))?;
         if let Multiple::Photons(settings, radius, passes) = multiple {
@@ -155,7 +175,9 @@ impl<'a> Builder<'a> {
     /// What `solve` finds in each channel that is solved; one that is a mix of two others is mixed.
     fn each_channel(&self, solve: impl Fn(usize) -> Result<Vec<Field>>) -> Result<Vec<Vec<Field>>> {
         let channels = self.channels.solved();
-        let mix = Mix::of(self.medium, &self.parted).filter(|_| channels.len() == 3);
+        // Bodies of a color are another transport in each channel.
+        let is_mixed = channels.len() == 3 && self.solids.is_none();
+        let mix = Mix::of(self.medium, &self.parted).filter(|_| is_mixed);
         let Some(Mix { channel: mixed, of: [(a, share_a), (b, share_b)] }) = mix else {
             return channels.into_iter().map(solve).collect();
         };
@@ -172,13 +194,20 @@ impl<'a> Builder<'a> {
 
     /// The same by sweeps, in one channel.
     fn diffuse(&self, direct: &[Direct], channel: usize) -> Result<Vec<Field>> {
-        let level = |&lattice: &Lattice| {
+        let level = |(place, &lattice): (usize, &Lattice)| {
             let density = self.density.coarsened(lattice);
             let emitted = self.emitted(channel, &density);
-            Level { direct: self.unscattered(direct, channel, lattice), density, emitted }
+            let direct = self.unscattered(direct, channel, lattice);
+            Level { direct, density, emitted, bodies: self.bodies_of(place, channel) }
         };
-        let levels: Vec<Level> = self.lattices.iter().map(level).collect();
+        let levels: Vec<Level> = self.lattices.iter().enumerate().map(level).collect();
         diffuse::solve(self.channel(channel), &levels, &self.inflow(channel), ACCURACY, self.progress)
+    }
+
+    /// The bodies on the lattice of that number, in one channel.
+    fn bodies_of(&self, place: usize, channel: usize) -> Option<Bodies> {
+        let Smooth { extinction, color } = self.bodies.get(place)?;
+        Some(Bodies { extinction: extinction.clone(), albedo: color[channel] })
     }
 
     /// Coefficients of the light that was scattered before, from photons, at each sample: the mean of some passes, each of which
@@ -196,7 +225,8 @@ impl<'a> Builder<'a> {
         for pass in 0..passes {
             let seed = settings.seed.wrapping_add(pass);
             let settings = photons::Settings { seed, stored: Stored::Multiple, ..*settings };
-            let photons = photons::trace(self.medium, self.lights, &settings, self.progress)?;
+            let photons =
+                photons::trace_around(self.medium, self.lights, self.solids, &settings, self.progress)?;
             let map = PhotonMap::new(self.medium, &photons, radius)?;
             let gathered = map.columns(&self.lattices[0], &wanted, self.progress)?;
             means.resize_with(gathered.len(), || pages::zeros(self.lattices[0].sample_count() as usize));

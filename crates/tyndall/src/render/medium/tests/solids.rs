@@ -1,0 +1,172 @@
+//! Opaque spheres in media against closed forms, and the cache, the march and photons against the reference.
+
+use super::*;
+use crate::particles::{Columns, Particles, Radii};
+use crate::render::medium::solids::Solids;
+use crate::scene::Scene;
+use crate::scene::color::ParticleColors;
+use crate::scene::light::Lighting;
+use crate::structure::{Kind, Structure};
+
+/// Spheres of one radius and color, as the medium is measured.
+fn spheres(centers: &[Vec3], radius: f32, color: [f32; 3]) -> Scene {
+    let mut columns = Columns::default();
+    columns.positions = crate::particles::Positions::around(DVec3::ZERO);
+    columns.positions.extend(&centers.iter().map(|it| it.as_dvec3()).collect::<Vec<_>>());
+    let particles = Particles::new(columns).unwrap();
+    let structure = Structure::build(Kind::default(), particles, &Radii::Uniform(radius), 1.0, &()).unwrap();
+    Scene::new(structure, ParticleColors::constant(color), Lighting::Flat, None)
+}
+
+fn some_spheres() -> Scene {
+    let mut stream = Stream::new(72, 0);
+    let centers: Vec<Vec3> = (0..14).map(|_| 0.7 * stream.cube()).collect();
+    spheres(&centers, 0.17, [0.8, 0.5, 0.2])
+}
+
+fn traced(
+    medium: &Medium,
+    lights: &[Light],
+    solids: &Scene,
+    orders: Option<u32>,
+    samples: u32,
+) -> Vec<Pixel> {
+    let settings = reference::Settings { width: 32, height: 32, seed: 6, orders, free_path: FreePath::Delta };
+    let reference = Reference::new(medium, lights, view(32), settings).unwrap();
+    let mut reference = reference.with_solids(Solids::new(solids));
+    reference.pass(samples, &()).unwrap();
+    reference.pixels().into_iter().map(Pixel::from).collect()
+}
+
+fn marched(
+    medium: &Medium,
+    lights: &[Light],
+    solids: &Scene,
+    settings: &Settings,
+    samples: u32,
+) -> Vec<Pixel> {
+    let bodies = Solids::new(solids);
+    let cache = Cache::around(medium, lights, Some(bodies), settings, &()).unwrap();
+    let knobs = march::Settings { samples, ..SMALL };
+    let march = March::new(medium, Illumination::Cached(&cache), lights, view(32), knobs).unwrap();
+    let mut march = march.with_solids(bodies);
+    while !march.is_done() {
+        march.pass(&()).unwrap();
+    }
+    march.pixels()
+}
+
+const MIDDLE: usize = 16 * 32 + 16;
+
+#[test]
+fn a_sphere_behind_matter_that_absorbs_is_as_bright_as_the_formula_says() {
+    // Light from the eye onto the point that faces it: color / pi, through the matter there and back.
+    let lights = [Light::Directional(Directional::new(Vec3::NEG_Z, [PI; 3]).unwrap())];
+    let solids = spheres(&[Vec3::new(0.0, 0.0, -0.5)], 0.5, [0.8, 0.4, 0.2]);
+    for extinction in [0.0, 0.3, 2.0] {
+        let medium = cube(extinction, 0.0, 0.0);
+        let wanted = Vec3::new(0.8, 0.4, 0.2) * (-2.0 * extinction).exp();
+        for pixels in [
+            traced(&medium, &lights, &solids, None, 8),
+            marched(&medium, &lights, &solids, &Settings::default(), 8),
+        ] {
+            let Pixel { scattered, environment, transmittance, .. } = pixels[MIDDLE];
+            // A pixel's corner lies a little off the middle of the sphere.
+            assert!(
+                (scattered / wanted - 1.0).abs().max_element() < 0.01,
+                "{extinction}: {scattered} {wanted}"
+            );
+            assert_eq!((environment, transmittance), (Vec3::ZERO, Vec3::ZERO));
+        }
+    }
+}
+
+#[test]
+fn matter_in_the_shadow_of_a_sphere_scatters_nothing() {
+    // Thin matter in light across the view: of the way through the cube, what the sphere shadows is dark.
+    let lights = [Light::Directional(Directional::new(Vec3::NEG_Y, [1.0; 3]).unwrap())];
+    let medium = cube(1e-3, 1.0, 0.0);
+    let solids = spheres(&[Vec3::new(0.0, 0.6, 0.0)], 0.3, [0.0; 3]);
+    let below = 22 * 32 + 16;
+    let lit = |pixels: &[Pixel]| pixels[below].scattered.x / (1e-3 / (4.0 * PI));
+    let reference = lit(&traced(&medium, &lights, &solids, Some(1), 512));
+    let found = lit(&marched(&medium, &lights, &solids, &Settings::default(), 16));
+    // 2 long, less the chord of the shadow: 0.6 but for the width of the pixel.
+    assert!((reference - 1.4).abs() < 0.02, "{reference}");
+    assert!((found - 1.4).abs() < 0.06, "{found}");
+}
+
+#[test]
+fn white_spheres_in_white_matter_under_an_even_sky_are_not_seen() {
+    let (medium, solids) = (lumps(grey(6.0, 1.0, 0.3)), some_spheres());
+    let solids = {
+        let mut white = solids;
+        white.recolor(ParticleColors::constant([1.0; 3]));
+        white
+    };
+    let lights = [sky([1.0; 3])];
+    let pixels = traced(&medium, &lights, &solids, None, 64);
+    let mean = pixels.iter().map(|it| it.scattered + it.environment).sum::<Vec3>() / pixels.len() as f32;
+    assert!((mean - 1.0).abs().max_element() < 5e-3, "{mean}");
+    // The cache takes bodies as matter: it loses a little light beside them.
+    let pixels = marched(&medium, &lights, &solids, &Settings::default(), 16);
+    let mean = pixels.iter().map(|it| it.scattered + it.environment).sum::<Vec3>() / pixels.len() as f32;
+    assert!((mean - 1.0).abs().max_element() < 0.03, "{mean}");
+}
+
+/// Mean of squared differences over the squared reference, of pixels that are not black.
+fn relative_error(found: &[Pixel], wanted: &[Pixel]) -> f32 {
+    let total = |pixel: &Pixel| pixel.scattered + pixel.environment;
+    let error = |(found, wanted): (&Pixel, &Pixel)| {
+        let (found, wanted) = (total(found), total(wanted));
+        ((found - wanted) * (found - wanted) / (wanted * wanted + 1e-2)).element_sum() / 3.0
+    };
+    found.iter().zip(wanted).map(error).sum::<f32>() / found.len() as f32
+}
+
+#[test]
+fn spheres_in_smoke_are_those_of_the_reference() {
+    let point = Light::Point(Point::new(Vec3::new(0.9, 0.9, 0.9), [2.0, 1.6, 1.2]).unwrap());
+    let solids = some_spheres();
+    let scenes = [
+        (lumps(grey(3.0, 0.9, 0.0)), vec![sun([4.0, 3.0, 2.0]), sky([0.3, 0.4, 0.6])]),
+        (lumps(grey(8.0, 0.6, 0.5)), vec![sun([4.0; 3])]),
+        (lumps(grey(2.0, 0.8, 0.0)), vec![point, sky([0.2; 3])]),
+    ];
+    for (number, (medium, lights)) in scenes.iter().enumerate() {
+        let wanted = traced(medium, lights, &solids, None, 256);
+        let found = marched(medium, lights, &solids, &Settings::default(), 64);
+        let error = relative_error(&found, &wanted);
+        let [found, wanted] = [mean(&found), mean(&wanted)];
+        println!("scene {number}: relMSE {error:.5}, means {found} and {wanted}");
+        assert!(error < 0.01, "scene {number}: {error}");
+        assert!((found / wanted - 1.0).abs().max_element() < 0.03, "scene {number}: {found} {wanted}");
+    }
+}
+
+#[test]
+fn photons_from_spheres_bring_their_light() {
+    let (medium, solids) = (lumps(grey(3.0, 0.9, 0.0)), some_spheres());
+    let lights = [sun([4.0, 3.0, 2.0])];
+    let photons = photons::Settings { count: 200_000, seed: 3, ..photons::Settings::default() };
+    let bodies = Solids::new(&solids);
+    let traced = photons::trace_around(&medium, &lights, Some(bodies), &photons, &()).unwrap();
+    let kept = traced.escaped_power + traced.absorbed_power;
+    assert!(kept.abs_diff_eq(traced.emitted_power, 1e-3 * traced.emitted_power.x), "{traced:?}");
+
+    let multiple = Multiple::Photons(photons, Radius::default(), 1);
+    let settings = Settings { multiple, ..Settings::default() };
+    let by_photons = mean(&marched(&medium, &lights, &solids, &settings, 16));
+    let by_sweeps = mean(&marched(&medium, &lights, &solids, &Settings::default(), 16));
+    assert!((by_photons / by_sweeps - 1.0).abs().max_element() < 0.05, "{by_photons} {by_sweeps}");
+}
+
+#[test]
+fn no_spheres_change_nothing() {
+    let medium = lumps(grey(3.0, 0.9, 0.0));
+    let lights = [sun([4.0; 3]), sky([0.3; 3])];
+    let nothing = spheres(&[], 1.0, [1.0; 3]);
+    let with = mean(&marched(&medium, &lights, &nothing, &Settings::default(), 4));
+    let without = mean(&cached(&medium, &lights, &Settings::default()));
+    assert!((with / without - 1.0).abs().max_element() < 1e-3, "{with} {without}");
+}
