@@ -196,6 +196,8 @@ pub(crate) struct Render {
     #[command(flatten)]
     pub(crate) look: Look,
     #[command(flatten)]
+    pub(crate) layers: Layers,
+    #[command(flatten)]
     pub(crate) shapes: Shapes,
     #[command(flatten)]
     pub(crate) illustrate: Illustrate,
@@ -426,6 +428,20 @@ impl Selection {
     pub(crate) fn is_empty(&self) -> bool {
         self.filters.is_empty() && self.conditions.is_empty() && self.clips.is_empty()
     }
+}
+
+/// More particles in the same picture.
+#[derive(Args)]
+#[command(next_help_heading = "Layers")]
+pub(crate) struct Layers {
+    /// More particles in the same picture: files with flags of their own for reading, choice, colors, radii and bonds, in one word, such as
+    /// --layer 'walls.ply --color gray --radius 0.1'; may be repeated. One of all may be a medium ('smoke.vdb', 'gas.hdf5 --look smoke'): spheres
+    /// and medium shade and light each other then, in the lights of the medium. A layer of one frame is in all pictures
+    #[arg(long = "layer", value_name = "WORDS", allow_hyphen_values = true)]
+    pub(crate) texts: Vec<String>,
+    /// What they say.
+    #[arg(skip)]
+    pub(crate) sources: Vec<Render>,
 }
 
 /// How it is done.

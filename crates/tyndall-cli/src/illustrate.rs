@@ -42,7 +42,7 @@ pub(crate) struct Illustrate {
 
 impl Illustrate {
     /// The first flag that is given, if one is.
-    fn name(&self) -> Option<&'static str> {
+    pub(crate) fn name(&self) -> Option<&'static str> {
         let flags = [
             ("--outline", self.outline.is_some()),
             ("--outline-color", self.outline_color.is_some()),

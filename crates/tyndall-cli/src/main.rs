@@ -36,6 +36,7 @@ mod scene;
 mod selection;
 mod shapes;
 mod shot;
+mod sources;
 mod structure;
 mod usage;
 mod values;

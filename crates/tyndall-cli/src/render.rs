@@ -18,6 +18,7 @@ use tyndall::scene::color::{Key, Legend, ParticleColors, resolve};
 use tyndall::scene::coloring::{Mapping, Norm, Range};
 use tyndall::scene::ellipsoids::Ellipsoids;
 use tyndall::scene::guesses::{Guesses, Shown};
+use tyndall::scene::joined::Part;
 use tyndall::scene::light::Lighting;
 use tyndall::scene::motion::displacements;
 use tyndall::scene::opacity::opacities;
@@ -28,7 +29,7 @@ use tyndall::scene::{Scene, short};
 use tyndall::structure::replicas::Replicas;
 use tyndall::structure::saved::RadiiOf;
 use tyndall::structure::{Kind, Spheres, Structure};
-use tyndall::{Error, Source};
+use tyndall::{Error, Source, Vec3};
 use tyndall_io::annotation::Behind;
 use tyndall_io::{Parts, Saved, Sequence};
 
@@ -41,9 +42,10 @@ use crate::names::Numbers;
 use crate::output::{Output, Pattern};
 use crate::plan::{self, Picture};
 use crate::report::{Failure, Outcome, Report, counted, seconds};
-use crate::selection::Found;
+use crate::selection::{self, Found};
 use crate::shapes::Meshes;
 use crate::shot::{self, Shot};
+use crate::sources::{self, Sources, Together};
 use crate::values::{Background, Degrees};
 use crate::{
     ahead, culling, dry_run, illustrate, input, looks, medium, metadata, progress, project, structure,
@@ -52,17 +54,10 @@ use crate::{
 /// Renders what the command line asks for.
 pub(crate) fn run(args: &args::Render, report: &Report) -> Outcome<()> {
     args.origin.begin(report)?;
-    if let Some(grid) = &args.origin.grid {
-        return medium::run_grid(args, grid, report);
-    }
-    if medium::are_grids(&args.input.files)? {
-        return medium::run_grids(args, report);
-    }
-    match args.method.mode {
-        Mode::Spheres if looks::look(args.look.look).is_none() => return medium::run(args, report),
-        Mode::Spheres => {}
-        Mode::Medium => return medium::run(args, report),
-        Mode::Project => return project::run(args, report),
+    match sources::parted(args)? {
+        (Some(medium), spheres) => return medium::run(medium, &spheres, report),
+        (None, _) if args.method.mode == Mode::Project => return project::run(args, report),
+        (None, _) => {}
     }
     let job = Job::new(args, report)?;
     // What cannot work is refused before the reading.
@@ -77,6 +72,7 @@ pub(crate) fn run(args: &args::Render, report: &Report) -> Outcome<()> {
         vectors: args.look.moving().map(String::from).into_iter().chain(args.shapes.vectors()).collect(),
     };
     let sequence = input::open(&args.input, Some(wanted), report)?;
+    job.sources.check(sequence.len())?;
     let pictures = plan::pictures(args, &job.pattern, &Numbers::of(&args.input, sequence.len()), report)?;
     if args.method.dry_run {
         return job.dry_run(&sequence, &pictures);
@@ -112,6 +108,7 @@ struct Kept {
     outline: Outline,
     uniform: Option<Radii>,
     range: Option<(Norm, Range)>,
+    layers: Vec<sources::Kept>,
 }
 
 /// What a saved structure brings along.
@@ -145,6 +142,7 @@ struct Job<'a> {
     renders: Renders,
     goal: Goal,
     meshes: Meshes,
+    sources: Sources<'a>,
 }
 
 impl<'a> Job<'a> {
@@ -185,6 +183,11 @@ impl<'a> Job<'a> {
         }
         if let Some(name) = shape.filter(|_| args.camera.panorama) {
             return Err(Failure::Usage(format!("--panorama draws spheres alone — leave out {name}")));
+        }
+        if images.is_some() && !args.layers.sources.is_empty() {
+            return Err(Failure::Usage(
+                "--replicate is not for several layers — leave out one of them".into(),
+            ));
         }
         let beyond = images.map(|_| "--replicate").or(shape).or(args.look.drawn());
         looks::check(args)?;
@@ -234,6 +237,7 @@ impl<'a> Job<'a> {
             )?,
             goal,
             meshes: args.shapes.meshes()?,
+            sources: Sources::open(&args.layers.sources.iter().collect::<Vec<_>>(), report)?,
         })
     }
 
@@ -290,7 +294,8 @@ impl<'a> Job<'a> {
     /// The frame as parts, if it has to be read in parts and can be.
     fn parts(&self, sequence: &Sequence, number: usize) -> Option<Parts> {
         // Particles that are put elsewhere, bonded or drawn as other shapes are all needed at once.
-        let needs_all = self.args.look.bonds.is_some() || self.args.shapes.are_of_particles();
+        let needs_all =
+            self.args.look.bonds.is_some() || self.args.shapes.are_of_particles() || !self.sources.is_empty();
         if needs_all || input::placement(&self.args.input) != Placement::AsStored {
             return None;
         }
@@ -328,6 +333,9 @@ impl<'a> Job<'a> {
         }
         if input::placement(&self.args.input) != Placement::AsStored {
             return Some("its particles are to be elsewhere".into());
+        }
+        if !self.sources.is_empty() {
+            return Some("there are other layers".into());
         }
         if let Some((Radii::Uniform(radius), _)) = self.asked_radius(kept)
             && uniform != Some(radius)
@@ -397,6 +405,12 @@ impl<'a> Job<'a> {
         self.report.detail(format_args!("read: {}", seconds(start.elapsed().as_secs_f64())));
         let count = parts.as_ref().map_or(particles.len(), |parts| parts.len() as usize);
         let is_first = kept.is_none();
+        let of_layers = kept.as_ref().map_or(&[][..], |kept| &kept.layers);
+        let layers = self.sources.read(number, of_layers, self.report)?;
+        let all = count + layers.iter().map(|layer| layer.part.particles.len()).sum::<usize>();
+        if all > count {
+            self.check_memory(&Work::of_count(all as u64, self.structure, self.settings), Reading::Whole)?;
+        }
 
         // Guess what is not said.
         let guessing = Instant::now();
@@ -417,7 +431,7 @@ impl<'a> Job<'a> {
         let replicas = images.map(|images| Replicas::new(particles.cell(), images)).transpose()?;
         let (camera, outline, framing_text) = match kept.as_ref() {
             Some(kept) => (kept.camera, kept.outline.clone(), "framed as the first frame".to_string()),
-            None => self.camera(spheres, replicas.as_ref(), guesses),
+            None => self.camera(spheres, replicas.as_ref(), guesses, &layers),
         };
         let colors = self.colors(&particles, kept.as_ref())?;
         let look = &self.args.look;
@@ -426,8 +440,15 @@ impl<'a> Job<'a> {
         let moves =
             look.shutter.map(|exposure| displacements(&particles, &look.velocity, exposure)).transpose()?;
         let opacities = look.opacity.as_deref().map(|text| opacities(&particles, text)).transpose()?;
+        // What layers do not say: they are opaque and stand still.
+        let moves = moves.map(|moves| extended(moves, all, Vec3::ZERO));
+        let opacities = opacities.map(|opacities| extended(opacities, all, 1.0));
         let arrows = self.args.shapes.arrows(spheres)?;
-        let selection = Found::of(&self.args.selection, &particles)?;
+        // Beside layers it is noted of each particle whether it is shown.
+        let (selection, (shown, share)) = match layers.is_empty() {
+            true => (Some(Found::of(&self.args.selection, &particles)?), (None, None)),
+            false => (None, selection::shown(&self.args.selection, &particles)?),
+        };
         let numbers = match (self.layers.contains(&Layer::Value), &parts) {
             (true, None) => Some(layers::Numbers::of(&particles, &look.color)?),
             (true, Some(_)) => {
@@ -441,6 +462,7 @@ impl<'a> Job<'a> {
         guesses.extend(bonded.iter().map(|bonded| bonded.description.clone()));
         guesses.extend(arrows.iter().map(|arrows| arrows.description.clone()));
         guesses.extend(self.meshes.description());
+        guesses.extend(layers.iter().map(|layer| layer.description.clone()));
         if is_first {
             self.report.note(format_args!("tyndall: {}", guesses.join(" · ")));
             let Settings { width, height, .. } = self.settings;
@@ -461,6 +483,7 @@ impl<'a> Job<'a> {
                 outline: outline.clone(),
                 uniform,
                 range: range.filter(|_| self.args.frames.fixed_range),
+                layers: sources::kept(&layers),
             });
         } else {
             self.report.detail(format_args!("frame {number}: {}", guesses.join(" · ")));
@@ -479,6 +502,14 @@ impl<'a> Job<'a> {
         // Where other shapes stand in their place, spheres are not seen.
         let no_spheres = ellipsoids.is_some() || self.args.shapes.arrows_only;
         let scale = if no_spheres { 0.0 } else { radius_scale };
+        let origin = particles.positions().origin();
+        let part = Part { particles, radii, radius_scale: scale, colors, shown };
+        let together = if layers.is_empty() {
+            Together::alone(part)
+        } else {
+            Together::joined(Some(part), layers, origin)?
+        };
+        let Together { particles, radii, radius_scale: scale, colors, beside } = together;
         let ((structure, dropped), held) = match (&parts, opened) {
             (Some(parts), _) => (self.stream(parts, &radii, &colors)?, Held::NONE),
             (None, Some(Opened { mut structure, .. })) => {
@@ -518,7 +549,9 @@ impl<'a> Job<'a> {
         self.meshes.add_to(&mut scene)?;
         scene.set_opacity(opacities.as_deref())?;
         scene.set_motion(moves.as_deref())?;
-        if let Some(text) = selection.hide_others(&mut scene)? {
+        beside.add_to(&mut scene)?;
+        let hidden = selection.map(|found| found.hide_others(&mut scene)).transpose()?.flatten();
+        if let Some(text) = hidden.or(share) {
             self.tell(is_first, &text);
             guesses.push(text);
         }
@@ -657,12 +690,15 @@ impl<'a> Job<'a> {
         spheres: Spheres,
         replicas: Option<&Replicas>,
         guesses: Option<&Guesses>,
+        layers: &[sources::Frame],
     ) -> (Camera, Outline, String) {
         let outliers = if self.args.camera.frame_all { Outliers::Shown } else { Outliers::Left };
         let guessed = guesses.filter(|_| spheres.radius_scale == 1.0);
         let shown = guessed.map_or_else(|| Shown::of(spheres, outliers), |it| it.shown(outliers).clone());
         let Shown { framing, outline } = shown;
         let outline = replicas.map_or_else(|| outline.clone(), |replicas| outline.replicated(replicas));
+        let others = layers.iter().map(|layer| layer.outline.clone());
+        let outline = Outline::joined(&std::iter::once(outline).chain(others).collect::<Vec<_>>());
         let aspect = f64::from(self.settings.width) / f64::from(self.settings.height);
         let camera = self.viewpoint.camera(&outline, aspect);
         if self.viewpoint.eye.is_some() {
@@ -670,6 +706,9 @@ impl<'a> Job<'a> {
         }
         if self.viewpoint.lens == Lens::Panorama {
             return (camera, outline, "panorama from the middle".into());
+        }
+        if !layers.is_empty() {
+            return (camera, outline, "framed on all layers".into());
         }
         if let Some(warning) = framing.warning {
             self.report.warn(&warning);
@@ -714,8 +753,14 @@ impl<'a> Job<'a> {
     }
 }
 
+/// The same with as many more `values` as make `count`.
+fn extended<T: Clone>(mut values: Vec<T>, count: usize, value: T) -> Vec<T> {
+    values.resize(count, value);
+    values
+}
+
 /// How numbers are spread, and over which range, if colors stand for numbers.
-fn range_of(legend: &Legend) -> Option<(Norm, Range)> {
+pub(crate) fn range_of(legend: &Legend) -> Option<(Norm, Range)> {
     match &legend.key {
         Key::Amounts(scale) => Some((scale.norm, Range::Given(scale.low, scale.high))),
         Key::Kinds(_) => None,

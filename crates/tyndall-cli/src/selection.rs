@@ -2,7 +2,7 @@
 
 use tyndall::Particles;
 use tyndall::scene::select::{Clip, Filter, Selectable};
-use tyndall::scene::subset::subset;
+use tyndall::scene::subset::{self, subset};
 use tyndall::scene::{Scene, grouped};
 use tyndall::structure::selection::HalfSpace;
 
@@ -56,6 +56,22 @@ pub(crate) fn keep(asked: &Selection, particles: Particles) -> Outcome<(Particle
         .map_err(|why| Failure::Unseen(format!("0 of {} are left — {why}", counted(all, "particle"))))?;
     let told = format!("kept: {}", share(kept.len(), all, &filters, &asked.clips));
     Ok((kept, Some(told)))
+}
+
+/// Of each particle whether it is asked for, and what is told of that; nothing if that is all because nothing was asked.
+pub(crate) fn shown(
+    asked: &Selection,
+    particles: &Particles,
+) -> Outcome<(Option<Vec<bool>>, Option<String>)> {
+    let all = particles.len();
+    if asked.is_empty() || all == 0 {
+        return Ok((None, None));
+    }
+    let filters = asked.all_filters();
+    let shown = subset::shown(particles, &filters, &asked.clips)?
+        .map_err(|why| Failure::Unseen(format!("0 of {} are shown — {why}", counted(all, "particle"))))?;
+    let count = shown.iter().filter(|&&is_shown| is_shown).count();
+    Ok((Some(shown), Some(format!("shown: {}", share(count, all, &filters, &asked.clips)))))
 }
 
 /// How many of all particles were asked for, and how.

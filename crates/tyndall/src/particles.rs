@@ -505,6 +505,11 @@ impl Particles {
         self.places.as_ref().map_or(id as u64, |places| places[id])
     }
 
+    /// The same particles with these places in the file, one for each.
+    pub(crate) fn with_places(self, places: Vec<u64>) -> Self {
+        Self { places: Some(places.into()), ..self }
+    }
+
     /// Gives up all but the places in the file, if some particles were dropped.
     pub(crate) fn into_places(self) -> Option<Frozen<u64>> {
         self.places

@@ -4,6 +4,7 @@
 //! guessed from the first frame and printed; camera, extinction and lights are kept for all frames, so that nothing jumps.
 
 pub(crate) mod args;
+mod bodies;
 pub(crate) mod emission;
 pub(crate) mod estimate;
 pub(crate) mod looks;
@@ -41,8 +42,10 @@ use crate::looks::LightLook;
 use crate::names::Numbers;
 use crate::output::{Output, Pattern};
 use crate::report::{Failure, Outcome, Report, counted, seconds};
+use crate::sources::{self, Sources};
 use crate::values::Background;
-use crate::{ahead, annotate, dry_run, input, metadata, plan, progress, render, scene, selection};
+use crate::{ahead, annotate, dry_run, input, metadata, plan, progress, render, selection};
+use bodies::Bodies;
 use picture::Renderer;
 use values::Rgb;
 
@@ -51,87 +54,23 @@ pub(crate) fn are_grids(files: &[PathBuf]) -> Outcome<bool> {
     Ok(files.first().is_some_and(|file| file.is_file() && vdb::is_vdb(file).unwrap_or(false)))
 }
 
-/// Renders the density that a scene file names.
-pub(crate) fn run_grid(args: &Render, grid: &scene::Grid, report: &Report) -> Outcome<()> {
-    Job { args, report }.run_grids(1, |_, array| (grid.file(), grid.density(array, report)))
-}
-
-/// Renders grids of OpenVDB, one a frame.
-pub(crate) fn run_grids(args: &Render, report: &Report) -> Outcome<()> {
+/// Renders what the command line asks for, a density from files or of particles, with the layers of `spheres` in it.
+pub(crate) fn run(args: &Render, spheres: &[&Render], report: &Report) -> Outcome<()> {
+    bodies::check(args, spheres)?;
     let files = &args.input.files;
-    Job { args, report }.run_grids(files.len(), |number, array| {
-        let array = array.or(args.input.dataset.as_deref());
-        let density = read::described_density(&files[number], array, 1.0, report.progress());
-        (&files[number], density.map_err(Failure::from))
-    })
-}
-
-/// Renders what the command line asks for.
-pub(crate) fn run(args: &Render, report: &Report) -> Outcome<()> {
-    let job = Job { args, report };
-    job.check()?;
-    let mut output = Output::new(args, report)?;
-    let pattern = Pattern::new(&args.picture.output);
-    let sequence = input::open(&args.input, None, report)?;
-    let pictures = plan::pictures(args, &pattern, &Numbers::of(&args.input, sequence.len()), report)?;
-    if args.method.dry_run {
-        let frame = input::read(&sequence, pictures[0].frame, &args.input, report)?;
-        let (particles, _) = selection::keep(&args.selection, frame.particles)?;
-        let (particles, emitting) = job.emission_spec().prepare(particles)?;
-        let settings = job.density_settings(emitting);
-        let (lattice, bytes) = density::plan(&particles, &settings, report.progress())?;
-        let secs = estimate::density_seconds(&settings, &lattice, rayon::current_num_threads());
-        report.note(format_args!(
-            "tyndall: {} · {}",
-            sequence.format(),
-            counted(particles.len(), "particle")
-        ));
-        return job.dry_run(&lattice, bytes, secs, pictures.len());
+    let spheres = &Sources::open(spheres, report)?;
+    let job = Job { args, spheres, report };
+    if let Some(grid) = &args.origin.grid {
+        return job.run_grids(1, |_, array| (grid.file(), grid.density(array, report)));
     }
-    let statistics = args.medium.statistics.as_deref().map(Pattern::new);
-    let several = pictures.iter().any(|it| it.frame != pictures[0].frame);
-    if several && statistics.as_ref().is_some_and(|it| !it.is_numbered()) {
-        let text = "--statistics of several frames needs a number in the name, such as NAME.%04d.json";
-        return Err(Failure::Usage(text.into()));
+    if are_grids(files)? {
+        return job.run_grids(files.len(), |number, array| {
+            let array = array.or(args.input.dataset.as_deref());
+            let density = read::described_density(&files[number], array, 1.0, report.progress());
+            (&files[number], density.map_err(Failure::from))
+        });
     }
-    let frames = plan::frames_to_read(&pictures, args.frames.skip_existing);
-    let done = ahead::reading(&sequence, &frames, args.method.memory, |ahead| {
-        plan::each_frame(&pictures, args.frames.skip_existing, report, |number, wanted, kept, written| {
-            let frame = input::read_ahead((&sequence, ahead), number, &args.input, report)?;
-            let (particles, share) = selection::keep(&args.selection, frame.particles)?;
-            let (particles, emitting) = job.emission_spec().prepare(particles)?;
-            let mut density = job.density(&particles, emitting)?;
-            if let Some(statistics) = &statistics {
-                let text = statistics::json(&particles, &job.density_settings(None), &density);
-                let path = statistics.name(number);
-                write::atomically(&path, |file| file.write_all(text.as_bytes())).map_err(Failure::Output)?;
-            }
-            let mut guesses = job.described(&particles, &density);
-            guesses.extend(share);
-            let values = density.fields.pop().map(Values::Means);
-            let (medium, scene) = job.scene((density.density, values), Some(&particles), kept.as_ref())?;
-            guesses.extend(scene.guesses.clone());
-            if kept.is_none() {
-                report.note(format_args!("tyndall: {}", guesses.join(" · ")));
-            }
-            let time = particles.time();
-            let metadata =
-                metadata::of_frame(args, &sequence, number, time, &job.spheres_settings(), &guesses);
-            let facts = Facts {
-                frame: number,
-                time: (time, particles.time_unit()),
-                length_unit: particles.length_unit(),
-                cell: particles.cell().copied(),
-                metadata: &metadata,
-            };
-            let scene = kept.insert(scene);
-            match wanted {
-                [] => Ok(()),
-                wanted => job.pictures(&medium, scene, wanted, &facts, (&mut output, written)),
-            }
-        })
-    });
-    output.finish(done)
+    job.run()
 }
 
 /// What lights the medium and looks at it: guessed on the first frame and kept.
@@ -145,6 +84,8 @@ struct Scene {
     outline: Outline,
     /// The particles' origin, from which the medium is measured.
     origin: DVec3,
+    /// Of layers of spheres.
+    layers: Vec<sources::Kept>,
     /// What was chosen, piece by piece.
     guesses: Vec<String>,
 }
@@ -157,12 +98,23 @@ struct Facts<'a> {
     length_unit: Option<&'a str>,
     cell: Option<Cell>,
     metadata: &'a [(String, String)],
+    bodies: Option<&'a Bodies>,
+}
+
+/// What is in a frame beside the density.
+#[derive(Clone, Copy)]
+struct Content<'a> {
+    /// Those of which the density is.
+    particles: Option<&'a Particles>,
+    bodies: Option<&'a Bodies>,
 }
 
 /// The command line.
 #[derive(Clone, Copy)]
 struct Job<'a> {
     args: &'a Render,
+    /// Layers of spheres in it.
+    spheres: &'a Sources<'a>,
     report: &'a Report,
 }
 
@@ -233,6 +185,83 @@ impl Job<'_> {
         Ok(())
     }
 
+    /// Renders the density of particles.
+    fn run(&self) -> Outcome<()> {
+        self.check()?;
+        let mut output = Output::new(self.args, self.report)?;
+        let pattern = Pattern::new(&self.args.picture.output);
+        let sequence = input::open(&self.args.input, None, self.report)?;
+        let count = self.frames(sequence.len())?;
+        let pictures =
+            plan::pictures(self.args, &pattern, &Numbers::of(&self.args.input, count), self.report)?;
+        if self.args.method.dry_run {
+            let frame = input::read(&sequence, pictures[0].frame, &self.args.input, self.report)?;
+            let (particles, _) = selection::keep(&self.args.selection, frame.particles)?;
+            let (particles, emitting) = self.emission_spec().prepare(particles)?;
+            let settings = self.density_settings(emitting);
+            let (lattice, bytes) = density::plan(&particles, &settings, self.report.progress())?;
+            let secs = estimate::density_seconds(&settings, &lattice, rayon::current_num_threads());
+            self.report.note(format_args!(
+                "tyndall: {} · {}",
+                sequence.format(),
+                counted(particles.len(), "particle")
+            ));
+            return self.dry_run(&lattice, bytes, secs, pictures.len());
+        }
+        let statistics = self.args.medium.statistics.as_deref().map(Pattern::new);
+        let several = pictures.iter().any(|it| it.frame != pictures[0].frame);
+        if several && statistics.as_ref().is_some_and(|it| !it.is_numbered()) {
+            let text = "--statistics of several frames needs a number in the name, such as NAME.%04d.json";
+            return Err(Failure::Usage(text.into()));
+        }
+        let skips = self.args.frames.skip_existing;
+        let mut frames = plan::frames_to_read(&pictures, skips);
+        let own = |number: usize| number.min(sequence.len() - 1);
+        frames.iter_mut().for_each(|number| *number = own(*number));
+        let done = ahead::reading(&sequence, &frames, self.args.method.memory, |ahead| {
+            plan::each_frame(&pictures, skips, self.report, |number, wanted, kept, written| {
+                let own = own(number);
+                let frame = input::read_ahead((&sequence, ahead), own, &self.args.input, self.report)?;
+                let (particles, share) = selection::keep(&self.args.selection, frame.particles)?;
+                let (particles, emitting) = self.emission_spec().prepare(particles)?;
+                let mut density = self.density(&particles, emitting)?;
+                if let Some(statistics) = &statistics {
+                    let text = statistics::json(&particles, &self.density_settings(None), &density);
+                    let path = statistics.name(number);
+                    write::atomically(&path, |file| file.write_all(text.as_bytes()))
+                        .map_err(Failure::Output)?;
+                }
+                let mut guesses = self.described(&particles, &density);
+                guesses.extend(share);
+                let values = density.fields.pop().map(Values::Means);
+                let bodies = self.bodies(number, particles.positions().origin(), kept.as_ref())?;
+                let content = Content { particles: Some(&particles), bodies: bodies.as_ref() };
+                let (medium, scene) = self.scene((density.density, values), content, kept.as_ref())?;
+                guesses.extend(scene.guesses.clone());
+                if kept.is_none() {
+                    self.report.note(format_args!("tyndall: {}", guesses.join(" · ")));
+                }
+                let time = particles.time();
+                let metadata =
+                    metadata::of_frame(self.args, &sequence, own, time, &self.spheres_settings(), &guesses);
+                let facts = Facts {
+                    frame: number,
+                    time: (time, particles.time_unit()),
+                    length_unit: particles.length_unit(),
+                    cell: particles.cell().copied(),
+                    metadata: &metadata,
+                    bodies: bodies.as_ref(),
+                };
+                let scene = kept.insert(scene);
+                match wanted {
+                    [] => Ok(()),
+                    wanted => self.pictures(&medium, scene, wanted, &facts, (&mut output, written)),
+                }
+            })
+        });
+        output.finish(done)
+    }
+
     /// Renders densities from files; `load` gives the name and the density of a frame of `count`, or another array of the same file.
     fn run_grids<'a>(
         &self,
@@ -242,6 +271,7 @@ impl Job<'_> {
         self.check()?;
         let mut output = Output::new(self.args, self.report)?;
         let pattern = Pattern::new(&self.args.picture.output);
+        let (own, count) = (count, self.frames(count)?);
         let pictures =
             plan::pictures(self.args, &pattern, &Numbers::of(&self.args.input, count), self.report)?;
         if self.args.medium.statistics.is_some() {
@@ -257,12 +287,15 @@ impl Job<'_> {
         }
         let skips = self.args.frames.skip_existing;
         let done = plan::each_frame(&pictures, skips, self.report, |number, wanted, kept, written| {
-            let (path, density) = load(number, None);
+            let own = number.min(own - 1);
+            let (path, density) = load(own, None);
             let Described { grid, conventions } = density?;
             let spec = self.emission_spec();
-            let values = spec.grid().map(|array| load(number, Some(array)).1).transpose()?;
+            let values = spec.grid().map(|array| load(own, Some(array)).1).transpose()?;
             let values = values.map(|it| Values::Own(it.grid));
-            let (medium, scene) = self.scene((grid, values), None, kept.as_ref())?;
+            let bodies = self.bodies(number, DVec3::ZERO, kept.as_ref())?;
+            let content = Content { particles: None, bodies: bodies.as_ref() };
+            let (medium, scene) = self.scene((grid, values), content, kept.as_ref())?;
             let mut guesses = vec![format!("medium, cpu {} threads", rayon::current_num_threads())];
             guesses.extend(conventions);
             guesses.extend(scene.guesses.clone());
@@ -270,8 +303,14 @@ impl Job<'_> {
                 self.report.note(format_args!("tyndall: {}", guesses.join(" · ")));
             }
             let metadata = metadata::of_grid(self.args, path, &self.spheres_settings(), &guesses);
-            let time = (None, None);
-            let facts = Facts { frame: number, time, length_unit: None, cell: None, metadata: &metadata };
+            let facts = Facts {
+                frame: number,
+                time: (None, None),
+                length_unit: None,
+                cell: None,
+                metadata: &metadata,
+                bodies: bodies.as_ref(),
+            };
             let scene = kept.insert(scene);
             match wanted {
                 [] => Ok(()),
@@ -291,7 +330,7 @@ impl Job<'_> {
         (output, written): (&mut Output, &mut usize),
     ) -> Outcome<()> {
         let start = Instant::now();
-        let renderer = Renderer::new(self, medium, scene)?;
+        let renderer = Renderer::new(self, medium, scene, facts.bodies)?;
         for (place, picture) in pictures.iter().enumerate() {
             let marching = Instant::now();
             let viewpoint = render::viewpoint(self.args)?;
@@ -375,7 +414,10 @@ impl Job<'_> {
         march::Settings {
             width,
             height,
-            samples: samples.unwrap_or(march::Settings::default().samples),
+            samples: samples.unwrap_or(match self.spheres.is_empty() {
+                true => march::Settings::default().samples,
+                false => SAMPLES_WITH_BODIES,
+            }),
             seed: *seed,
             step: self.args.medium.step,
         }
@@ -467,9 +509,10 @@ impl Job<'_> {
     fn scene(
         &self,
         (grid, values): (Grid, Option<Values>),
-        particles: Option<&Particles>,
+        content: Content,
         kept: Option<&Scene>,
     ) -> Outcome<(Medium, Scene)> {
+        let Content { particles, bodies } = content;
         let args = &self.args.medium;
         let origin = particles.map_or(DVec3::ZERO, |it| it.positions().origin());
         if grid.max() <= 0.0 {
@@ -522,6 +565,15 @@ impl Job<'_> {
 
         let viewpoint = render::viewpoint(self.args)?;
         let (outline, framed) = self.outline(&medium, particles);
+        let (outline, framed) = match bodies {
+            None => (outline, framed),
+            Some(bodies) => {
+                guesses.extend(bodies.descriptions.iter().cloned());
+                let others = bodies.outlines.iter().cloned();
+                let all: Vec<Outline> = std::iter::once(outline).chain(others).collect();
+                (Outline::joined(&all), "framed on all layers".into())
+            }
+        };
         let march::Settings { width, height, samples, .. } = self.settings();
         let camera = viewpoint.camera(&outline, f64::from(width) / f64::from(height));
         let view = self.view(&camera, origin)?;
@@ -547,8 +599,21 @@ impl Job<'_> {
         });
         let framing = if viewpoint.eye.is_some() { "camera given".into() } else { framed };
         guesses.extend([framing, format!("{width}x{height}, {samples} samples")]);
-        let scene = Scene { extinction, lights, source, noise, camera, outline, origin, guesses };
+        let layers = bodies.map_or(Vec::new(), |bodies| bodies.kept.clone());
+        let scene = Scene { extinction, lights, source, noise, camera, outline, origin, layers, guesses };
         Ok((medium, scene))
+    }
+
+    /// Layers of spheres in a frame, measured from `origin`.
+    fn bodies(&self, number: usize, origin: DVec3, kept: Option<&Scene>) -> Outcome<Option<Bodies>> {
+        Bodies::of(self, number, origin, kept.map_or(&[][..], |kept| &kept.layers))
+    }
+
+    /// How many frames there are, where the medium has so many.
+    fn frames(&self, own: usize) -> Outcome<usize> {
+        let count = if own == 1 { self.spheres.frames().max(1) } else { own };
+        self.spheres.check(count)?;
+        Ok(count)
     }
 
     /// A medium of that density.
@@ -608,6 +673,8 @@ impl Job<'_> {
 /// Share of the extinction that scatters where nobody says, without and with emission: of clouds, of soot.
 const ALBEDO: f32 = 0.95;
 const ALBEDO_OF_FIRE: f32 = 0.3;
+/// Samples of a pixel where light is thrown back by spheres, if nobody says.
+const SAMPLES_WITH_BODIES: u32 = 32;
 /// Cells of the noise along the longest side of a medium, where nobody says.
 const NOISE_CELLS: f32 = 30.0;
 

@@ -10,11 +10,13 @@ use tyndall::render::medium::gather::PhotonMap;
 use tyndall::render::medium::march::{self, Illumination, March, Pixel};
 use tyndall::render::medium::photons::{self, Photons, Stored};
 use tyndall::render::medium::reference::{self, Reference};
+use tyndall::render::medium::solids::Solids;
 use tyndall::render::medium::{Backdrop, picture, show};
 use tyndall::scene::camera::View;
 use tyndall_io::write::ImageOptions;
 
 use super::args::{CacheName, MethodName, Shown};
+use super::bodies::Bodies;
 use super::{Job, Scene};
 use crate::layers::Layer;
 use crate::report::{Failure, Outcome, bytes, counted, seconds};
@@ -26,6 +28,7 @@ pub(super) struct Renderer<'a> {
     medium: &'a Medium,
     scene: &'a Scene,
     noise: Option<Noise>,
+    solids: Option<Solids<'a>>,
     light: Found<'a>,
 }
 
@@ -39,7 +42,13 @@ enum Found<'a> {
 
 impl<'a> Renderer<'a> {
     /// Lights the medium.
-    pub(super) fn new(job: &'a Job<'a>, medium: &'a Medium, scene: &'a Scene) -> Outcome<Self> {
+    pub(super) fn new(
+        job: &'a Job<'a>,
+        medium: &'a Medium,
+        scene: &'a Scene,
+        bodies: Option<&'a Bodies>,
+    ) -> Outcome<Self> {
+        let solids = bodies.map(|bodies| Solids::new(&bodies.scene));
         let noise = scene.noise.map(Noise::new).transpose()?;
         let start = Instant::now();
         let args = &job.args.medium;
@@ -63,13 +72,13 @@ impl<'a> Renderer<'a> {
                 };
                 let settings =
                     cache::Settings { spacing: args.cache_voxel, multiple, ..cache::Settings::default() };
-                let cache = Cache::new(medium, &scene.lights, &settings, job.report.progress())?;
+                let cache = Cache::around(medium, &scene.lights, solids, &settings, job.report.progress())?;
                 job.report.detail(format_args!("cache: {}", bytes(cache.bytes())));
                 Found::Cache(cache)
             }
         };
         job.report.detail(format_args!("light: {}", seconds(start.elapsed().as_secs_f64())));
-        Ok(Self { job, medium, scene, noise, light })
+        Ok(Self { job, medium, scene, noise, solids, light })
     }
 
     fn photon_settings(job: &Job, stored: Stored) -> photons::Settings {
@@ -154,6 +163,9 @@ impl<'a> Renderer<'a> {
         if let Some(noise) = &self.noise {
             march = march.with_noise(noise);
         }
+        if let Some(solids) = self.solids {
+            march = march.with_solids(solids);
+        }
         let progress = self.job.report.progress();
         tyndall::Progress::begin(progress, "march", Some(work(&settings)), "samples");
         while !march.is_done() {
@@ -168,6 +180,9 @@ impl<'a> Renderer<'a> {
         let free_path = self.job.args.medium.free_path;
         let of_reference = reference::Settings { width, height, seed, orders: None, free_path };
         let mut reference = Reference::new(self.medium, &self.scene.lights, *view, of_reference)?;
+        if let Some(solids) = self.solids {
+            reference = reference.with_solids(solids);
+        }
         let progress = self.job.report.progress();
         tyndall::Progress::begin(progress, "trace", Some(work(&settings)), "samples");
         while reference.samples_done() < samples {

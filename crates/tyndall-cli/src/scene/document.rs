@@ -12,6 +12,7 @@ use tyndall::names::nearest;
 
 use super::grid::Grid;
 use super::keys::{FILES, Key, Keys, Values};
+use super::layer;
 use super::values::{camera_words, light_with_file, light_words, word};
 use crate::report::{Failure, Outcome};
 
@@ -75,7 +76,7 @@ impl Reader<'_> {
             match (&**name.get_ref(), value.get_ref()) {
                 ("grid", _) => {}
                 // A flag that may be repeated stands beside the tables too, a table for each time.
-                (name @ ("light" | "camera"), DeValue::Array(_)) => {
+                (name @ ("light" | "camera" | "layer"), DeValue::Array(_)) => {
                     let key =
                         self.keys.flag(name).ok_or_else(|| (line, format!("no key is called '{name}'")))?;
                     self.key(key, value)?;
@@ -103,7 +104,7 @@ impl Reader<'_> {
     fn table(&mut self, name: &str, entries: &DeTable, line: usize) -> Result<(), Wrong> {
         let tables = self.keys.tables();
         if !tables.contains(&name) {
-            let known = tables.into_iter().chain(["grid", "light"]);
+            let known = tables.into_iter().chain(["grid", "layer", "light"]);
             let meant =
                 nearest(name, known).map_or(String::new(), |meant| format!(", did you mean [{meant}]?"));
             return Err((line, format!("no table is called [{name}]{meant}")));
@@ -161,6 +162,7 @@ impl Reader<'_> {
         match (&*key.name, value) {
             ("light", DeValue::Table(light)) => light_words(light, self.folder),
             ("camera", DeValue::Table(camera)) => camera_words(camera),
+            ("layer", DeValue::Table(layer)) => layer::words(self.keys, layer, self.folder),
             ("light", DeValue::String(text)) => Ok(light_with_file(text, here)),
             (_, DeValue::Boolean(_)) => Err("it needs a value, such as in 'tyndall render --help'".into()),
             (_, DeValue::String(text)) if key.is_path() && !text.starts_with("synthetic:") => {

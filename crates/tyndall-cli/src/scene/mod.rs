@@ -9,6 +9,7 @@ mod again;
 mod document;
 mod grid;
 mod keys;
+mod layer;
 mod save;
 mod schema;
 mod values;
@@ -129,7 +130,10 @@ pub(crate) fn command_line(words: Vec<OsString>) -> Result<Cli, Refused> {
         return Err(document::error(scene, 0, "it has neither [grid] nor [particles]".into()).into());
     }
     let files: Vec<&Path> = args.input.files.iter().map(PathBuf::as_path).collect();
-    let text = |place: &dyn Fn(&Path) -> String| save::text(&keys, given, &files, asked.grid.as_ref(), place);
+    let layers = args.layers.texts.iter().map(|text| layer::matches(&keys, text));
+    let layers = layers.collect::<Outcome<Vec<ArgMatches>>>()?;
+    let more = (asked.grid.as_ref(), &layers[..]);
+    let text = |place: &dyn Fn(&Path) -> String| save::text(&keys, given, &files, more, place);
     args.origin = Origin {
         text: text(&|file| file.display().to_string()),
         saved: match &args.picture.save_scene {
@@ -146,8 +150,10 @@ pub(crate) fn command_line(words: Vec<OsString>) -> Result<Cli, Refused> {
             name: memory.name,
             to: asked.output.clone().unwrap_or_else(|| picture.clone()),
         }),
-        grid: asked.grid,
+        grid: asked.grid.clone(),
     };
+    let sources = layers.iter().map(|layer| layer::render(&keys, (layer, given), &args.origin));
+    args.layers.sources = sources.collect::<Outcome<Vec<_>>>()?;
     Ok(cli)
 }
 

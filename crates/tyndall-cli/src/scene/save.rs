@@ -18,7 +18,7 @@ pub(super) fn text(
     keys: &Keys,
     given: &ArgMatches,
     files: &[&Path],
-    grid: Option<&Grid>,
+    (grid, layers): (Option<&Grid>, &[ArgMatches]),
     place: &dyn Fn(&Path) -> String,
 ) -> String {
     let mut text =
@@ -39,17 +39,31 @@ pub(super) fn text(
     for table in keys.tables() {
         let mut is_empty = true;
         let of_table = |key: &&Key| key.table == table && !key.arg.is_positional() && key.is_saved();
-        for key in keys.iter().filter(of_table) {
-            if given.value_source(key.id().as_str()) != Some(ValueSource::CommandLine) {
-                continue;
-            }
+        for key in keys.iter().filter(of_table).filter(|key| key.name != "layer" && is_given(key, given)) {
             if std::mem::take(&mut is_empty) {
                 text += &format!("\n[{table}]\n");
             }
             line(&mut text, &key.name, &value(key, given, &here));
         }
     }
+    for layer in layers {
+        text += "\n[[layer]]\n";
+        for key in keys.iter().filter(|key| key.is_saved() && is_given(key, layer)) {
+            match key.arg.is_positional() {
+                true => {
+                    let files = layer.get_raw(key.id().as_str()).into_iter().flatten();
+                    let files = files.map(|file| Value::String(here(Path::new(file)))).collect();
+                    line(&mut text, &key.name, &Value::Array(files));
+                }
+                false => line(&mut text, &key.name, &value(key, layer, &here)),
+            }
+        }
+    }
     text
+}
+
+fn is_given(key: &Key, given: &ArgMatches) -> bool {
+    given.value_source(key.id().as_str()) == Some(ValueSource::CommandLine)
 }
 
 /// Whether it is no file, but the name of synthetic particles.

@@ -5,7 +5,8 @@
 use serde_json::{Map, Value, json};
 
 use super::grid;
-use super::keys::{Key, Keys, Values};
+use super::keys::{FILES, Key, Keys, Values};
+use super::layer;
 use super::values::LIGHTS;
 use crate::report::{Outcome, print as print_bytes};
 
@@ -26,6 +27,10 @@ fn schema(keys: &Keys) -> Value {
     tables.insert(
         "light".into(),
         json!({ "type": "array", "items": light(), "description": "Lights of a medium" }),
+    );
+    tables.insert(
+        "layer".into(),
+        json!({ "type": "array", "items": layer(keys), "description": "More particles in the same picture" }),
     );
     for name in keys.tables() {
         let of_table = keys.iter().filter(|key| key.table == name);
@@ -97,6 +102,12 @@ fn camera_key() -> Value {
     })
 }
 
+/// A table of `[[layer]]`.
+fn layer(keys: &Keys) -> Value {
+    let own = keys.iter().filter(|key| layer::may_have(key)).map(|key| (key.name.clone(), described(key)));
+    table(own.collect(), "Files, with flags of their own", &[FILES[1]])
+}
+
 /// What a key's value may be, and its help text.
 fn described(key: &Key) -> Value {
     let text = json!({ "type": "string" });
@@ -116,6 +127,7 @@ fn described(key: &Key) -> Value {
     let mut described = match (&*key.name, is_list) {
         ("light", _) => list_of(json!({ "anyOf": [text, light()] })),
         ("camera", _) => list_of(json!({ "anyOf": [text, camera_key()] })),
+        ("layer", _) => list_of(json!({ "type": ["string", "object"] })),
         (_, true) => list_of(one),
         _ => one,
     };

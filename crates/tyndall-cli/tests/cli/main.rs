@@ -10,6 +10,7 @@ mod device;
 mod errors;
 mod illustrations;
 mod info;
+mod layers;
 mod looks;
 mod medium;
 mod outputs;

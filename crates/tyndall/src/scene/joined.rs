@@ -33,8 +33,8 @@ pub struct Part {
 
 /// All sources as one.
 pub struct Joined {
-    /// The particles: positions and nothing else that the sources had but the first one's cell, time and units. A particle's place is
-    /// that among all.
+    /// The particles: positions and nothing else that the sources had but the first one's cell, time and units. Places go
+    /// on from file to file.
     pub particles: Particles,
     /// Their radii, scaled.
     pub radii: Radii,
@@ -42,7 +42,8 @@ pub struct Joined {
     pub colors: ParticleColors,
     /// Of each source its id 0, and by how much what was measured from its origin has moved.
     pub starts: Vec<Start>,
-    filter: Option<(Filter, Selectable)>,
+    /// Which are not shown.
+    pub hidden: Hidden,
 }
 
 /// Where a source's particles are among all.
@@ -76,6 +77,7 @@ pub fn join(parts: Vec<Part>, origin: DVec3) -> Result<Joined> {
     let mut radii: Vec<f32> = Vec::with_capacity(count);
     let hides = parts.iter().any(|part| part.shown.is_some());
     let mut shown: Vec<u8> = Vec::with_capacity(if hides { count } else { 0 });
+    let (mut places, mut first_place) = (Vec::with_capacity(count), 0);
     let mut starts = Vec::new();
     let mut columns = Columns::default();
     if let Some(first) = parts.first().map(|part| &part.particles) {
@@ -98,6 +100,9 @@ pub fn join(parts: Vec<Part>, origin: DVec3) -> Result<Joined> {
         }
         let ids = (0..particles.len()).into_par_iter();
         radii.par_extend(ids.map(|id| radius_scale * particles.radius(&of_part, id)));
+        let ids = 0..particles.len();
+        places.extend(ids.map(|id| first_place + particles.place(id)));
+        first_place += particles.len() as u64 + particles.dropped().total();
         if hides {
             let flags = flags.unwrap_or_else(|| vec![true; particles.len()]);
             shown.extend(flags.into_iter().map(u8::from));
@@ -111,25 +116,21 @@ pub fn join(parts: Vec<Part>, origin: DVec3) -> Result<Joined> {
     if hides {
         columns.attributes.push(Attribute::new(SHOWN, 1, Values::U8(shown)));
     }
-    let particles = Particles::new(columns)?;
-    let filter = if hides {
+    let mut particles = Particles::new(columns)?;
+    if first_place > count as u64 {
+        particles = particles.with_places(places);
+    }
+    let mut hidden = Hidden::default();
+    if hides {
         let filter: Filter = format!("{SHOWN}=1").parse()?;
         let quantity = Selectable::of(&particles, &filter)?;
-        Some((filter, quantity))
-    } else {
-        None
-    };
-    Ok(Joined { particles, radii, colors: ParticleColors::joined(&colors), starts, filter })
-}
-
-impl Joined {
-    /// Takes what hides particles that are not shown, for [`Hidden::apply`].
-    pub fn hidden(&mut self) -> Hidden {
-        Hidden(self.filter.take())
+        hidden = Hidden(Some((filter, quantity)));
     }
+    Ok(Joined { particles, radii, colors: ParticleColors::joined(&colors), starts, hidden })
 }
 
 /// Which of joined particles are not shown.
+#[derive(Default)]
 pub struct Hidden(Option<(Filter, Selectable)>);
 
 impl Hidden {
@@ -160,23 +161,22 @@ mod tests {
         let red = ParticleColors::constant([1.0, 0.0, 0.0]);
         let blue = ParticleColors::constant([0.0, 0.0, 1.0]);
         let a = part(&[[1e6, 0.0, 0.0], [1e6 + 2.0, 0.0, 0.0]], red, 0.5);
-        let b = Part { shown: Some(vec![false, true, true]), ..part(&[[1e6 + 5.0, 1.0, 2.0]; 3], blue, 0.25) };
+        let b =
+            Part { shown: Some(vec![false, true, true]), ..part(&[[1e6 + 5.0, 1.0, 2.0]; 3], blue, 0.25) };
         let origin = a.particles.positions().origin();
-        let mut joined = join(vec![a, b], origin).unwrap();
+        let joined = join(vec![a, b], origin).unwrap();
         assert_eq!(joined.starts[1], Start { id: 2, shift: DVec3::new(4.0, 1.0, 2.0) });
         assert_eq!(joined.particles.positions().world(1), DVec3::new(1e6 + 2.0, 0.0, 0.0));
         assert_eq!(joined.particles.positions().world(3), DVec3::new(1e6 + 5.0, 1.0, 2.0));
         assert_eq!([0, 4].map(|id| joined.particles.radius(&joined.radii, id)), [1.0, 0.5]);
         assert_eq!([1, 2].map(|id| joined.colors.color(id)), [[1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]);
 
-        let hidden = joined.hidden();
         let segment = Segment { from: Vec3::ZERO, to: Vec3::X, ends: [0, 2] };
         let moved = joined.starts[1].segments(&[segment])[0];
         assert_eq!((moved.from, moved.ends), (Vec3::new(4.0, 1.0, 2.0), [2, 4]));
-        let structure =
-            Structure::build(Kind::default(), joined.particles, &joined.radii, 1.0, &());
+        let structure = Structure::build(Kind::default(), joined.particles, &joined.radii, 1.0, &());
         let mut scene = Scene::new(structure.unwrap(), joined.colors, Lighting::Flat, None);
-        hidden.apply(&mut scene).unwrap();
+        joined.hidden.apply(&mut scene).unwrap();
         let shown = (0..5).filter(|&node| scene.structure().shows(node)).count();
         assert_eq!(shown, 4);
     }

@@ -71,7 +71,8 @@ impl Outline {
     /// Of all that these are outlines of, at least one.
     pub fn joined(outlines: &[Self]) -> Self {
         let points: Vec<DVec3> = outlines.iter().flat_map(|it| it.points.iter().copied()).collect();
-        let corner = |pick: fn(DVec3, DVec3) -> DVec3| points.iter().copied().reduce(pick).unwrap_or_default();
+        let corner =
+            |pick: fn(DVec3, DVec3) -> DVec3| points.iter().copied().reduce(pick).unwrap_or_default();
         match outlines {
             [only] => only.clone(),
             _ => Self { center: 0.5 * (corner(DVec3::min) + corner(DVec3::max)), points },

@@ -1,0 +1,81 @@
+//! Layers of spheres in a medium.
+
+use tyndall::DVec3;
+use tyndall::progress::Progress;
+use tyndall::scene::Scene;
+use tyndall::scene::light::Lighting;
+use tyndall::scene::outline::Outline;
+use tyndall::structure::{Kind, Structure};
+
+use super::Job;
+use super::args::{CacheName, MethodName, Shown};
+use crate::args::Render;
+use crate::looks::{self, LightLook};
+use crate::report::{Failure, Outcome};
+use crate::sources::{self, Together};
+
+/// The spheres of a frame.
+pub(super) struct Bodies {
+    pub(super) scene: Scene,
+    pub(super) outlines: Vec<Outline>,
+    /// What was chosen and guessed, layer by layer.
+    pub(super) descriptions: Vec<String>,
+    pub(super) kept: Vec<sources::Kept>,
+}
+
+/// Refuses what cannot be seen in one picture with a medium, of it and of layers of spheres.
+pub(super) fn check(medium: &Render, spheres: &[&Render]) -> Outcome<()> {
+    if spheres.is_empty() {
+        return Ok(());
+    }
+    let args = &medium.medium;
+    let of_medium = [
+        (args.cache == CacheName::Off && args.method != MethodName::Reference, "--cache off"),
+        (args.show != Shown::Light, "--show"),
+    ];
+    for layer in spheres {
+        let look = &layer.look;
+        let is_matte = matches!(look.look, LightLook::Default | LightLook::Matte);
+        let of_spheres = [
+            (!is_matte, "a --look other than matte"),
+            (look.drawn().is_some(), look.drawn().unwrap_or_default()),
+            (look.images().is_some(), "--replicate"),
+            (layer.shapes.name().is_some(), layer.shapes.name().unwrap_or_default()),
+            (looks::traced_by(layer).is_some_and(|_| !is_matte), "this look"),
+            (look.aperture.is_some(), "--aperture"),
+            (layer.illustrate.name().is_some(), layer.illustrate.name().unwrap_or_default()),
+        ];
+        let refused = of_medium.iter().chain(&of_spheres).find(|(is_given, _)| *is_given);
+        if let Some((_, name)) = refused {
+            let text =
+                format!("{name} is not for spheres and a medium in one picture — leave out one of them");
+            return Err(Failure::Usage(text));
+        }
+    }
+    Ok(())
+}
+
+impl Bodies {
+    /// Of a frame, measured from `origin`; `kept` is what was kept of the first frame.
+    pub(super) fn of(
+        job: &Job,
+        number: usize,
+        origin: DVec3,
+        kept: &[sources::Kept],
+    ) -> Outcome<Option<Self>> {
+        if job.spheres.is_empty() {
+            return Ok(None);
+        }
+        let frames = job.spheres.read(number, kept, job.report)?;
+        let outlines = frames.iter().map(|frame| frame.outline.clone()).collect();
+        let descriptions = frames.iter().map(|frame| frame.description.clone()).collect();
+        let kept = sources::kept(&frames);
+        let Together { particles, radii, radius_scale, colors, beside } =
+            Together::joined(None, frames, origin)?;
+        let progress: &dyn Progress = job.report.progress();
+        let structure = Structure::build(Kind::default(), particles, &radii, radius_scale, progress)?;
+        let mut scene = Scene::new(structure, colors, Lighting::Flat, None);
+        beside.add_to(&mut scene)?;
+        Ok(Some(Self { scene, outlines, descriptions, kept }))
+    }
+}
