@@ -503,7 +503,7 @@ impl<'a> Job<'a> {
         let no_spheres = ellipsoids.is_some() || self.args.shapes.arrows_only;
         let scale = if no_spheres { 0.0 } else { radius_scale };
         let origin = particles.positions().origin();
-        let part = Part { particles, radii, radius_scale: scale, colors, shown };
+        let part = Part { particles, radii, radius_scale: scale, colors, glow: None, shown };
         let together = if layers.is_empty() {
             Together::alone(part)
         } else {

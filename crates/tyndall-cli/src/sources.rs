@@ -16,6 +16,7 @@ use tyndall::{DVec3, Error};
 use tyndall_io::Sequence;
 
 use crate::args::{Mode, Render};
+use crate::medium::emission;
 use crate::report::{Failure, Outcome, Report, counted};
 use crate::{input, looks, medium, render, selection};
 
@@ -138,6 +139,7 @@ impl Source<'_> {
         let colors = resolve(&particles, &look.color, &mapping)?;
         let bonded =
             look.bonds.map(|which| bonding::find(&particles, which, look.bond_radius)).transpose()?;
+        let (glow, glowing) = emission::of_spheres(self.args, &particles)?.unzip();
         let (shown, share) = selection::shown(selection, &particles)?;
         let spheres = Spheres { particles: &particles, radii: &radii, radius_scale: look.radius_scale };
         let outliers = if self.args.camera.frame_all { Outliers::Shown } else { Outliers::Left };
@@ -148,13 +150,13 @@ impl Source<'_> {
         pieces.extend(frame.conventions);
         pieces.extend([text, colors.description.clone()]);
         pieces.extend(bonded.as_ref().map(|bonded| bonded.description.clone()));
-        pieces.extend(share);
+        pieces.extend(glowing.into_iter().chain(share));
         let range = colors.legend.as_ref().and_then(render::range_of);
         let kept = Kept {
             uniform: matches!(radii, Radii::Uniform(_)).then(|| radii.clone()),
             range: range.filter(|_| self.args.frames.fixed_range),
         };
-        let part = Part { particles, radii, radius_scale: look.radius_scale, colors, shown };
+        let part = Part { particles, radii, radius_scale: look.radius_scale, colors, glow, shown };
         Ok(Frame { part, outline, bonded, description: pieces.join(", "), kept })
     }
 }
@@ -178,12 +180,13 @@ pub(crate) struct Together {
 pub(crate) struct Beside {
     /// Bonds, between particles among all.
     bonds: Vec<(Vec<Segment>, f32)>,
+    glow: Option<Vec<[f32; 3]>>,
     hidden: Hidden,
 }
 
 impl Together {
     pub(crate) fn alone(part: Part) -> Self {
-        let Part { particles, radii, radius_scale, colors, shown: _ } = part;
+        let Part { particles, radii, radius_scale, colors, .. } = part;
         Self { particles, radii, radius_scale, colors, beside: Beside::default() }
     }
 
@@ -195,9 +198,9 @@ impl Together {
             bonded.extend(of_layer.map(|it| (parts.len(), it)));
             parts.push(part);
         }
-        let Joined { particles, radii, colors, starts, hidden } = join(parts, origin)?;
+        let Joined { particles, radii, colors, starts, glow, hidden } = join(parts, origin)?;
         let bonds = bonded.into_iter().map(|(place, it)| (starts[place].segments(&it.segments), it.radius));
-        let beside = Beside { bonds: bonds.collect(), hidden };
+        let beside = Beside { bonds: bonds.collect(), glow, hidden };
         Ok(Self { particles, radii, radius_scale: 1.0, colors, beside })
     }
 }
@@ -208,6 +211,7 @@ impl Beside {
         for (segments, radius) in self.bonds.iter().filter(|(segments, _)| !segments.is_empty()) {
             scene.bond(segments, *radius)?;
         }
+        scene.set_glow(self.glow.as_deref())?;
         Ok(self.hidden.apply(scene)?)
     }
 }

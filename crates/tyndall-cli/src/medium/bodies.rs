@@ -43,6 +43,10 @@ pub(super) fn check(medium: &Render, spheres: &[&Render]) -> Outcome<()> {
             (layer.shapes.name().is_some(), layer.shapes.name().unwrap_or_default()),
             (looks::traced_by(layer).is_some_and(|_| !is_matte), "this look"),
             (look.aperture.is_some(), "--aperture"),
+            (
+                layer.medium.emission.is_some() && args.cache == CacheName::Photons,
+                "--cache photons with --emission",
+            ),
             (layer.illustrate.name().is_some(), layer.illustrate.name().unwrap_or_default()),
         ];
         let refused = of_medium.iter().chain(&of_spheres).find(|(is_given, _)| *is_given);

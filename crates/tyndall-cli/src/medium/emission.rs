@@ -94,22 +94,9 @@ impl EmissionSpec {
 
     /// The particles with the quantity that it is of as an attribute, and that attribute's name; `None` if it is of none.
     pub(super) fn prepare(&self, particles: Particles) -> Outcome<(Particles, Option<String>)> {
-        let (name, is_temperature) = match self {
-            Self::None | Self::Even(_) => return Ok((particles, None)),
-            Self::BlackBody(Some(name), _) => (name.clone(), true),
-            Self::BlackBody(None, _) => {
-                let known = TEMPERATURES.iter().find(|&&name| particles.attribute(name).is_some());
-                (known.unwrap_or(&TEMPERATURES[0]).to_string(), true)
-            }
-            Self::Quantity(name) => (name.clone(), false),
-        };
         let (name, numbers) = {
-            let quantity = find(&particles, FLAG, &name)?;
+            let Some(quantity) = self.quantity(&particles)? else { return Ok((particles, None)) };
             let ids = (0..particles.len()).into_par_iter();
-            if is_temperature && let Some(id) = ids.clone().find_first(|&id| quantity.value(id) < 0.0) {
-                let value = format!("{} (particle {})", short(quantity.value(id)), particles.place(id));
-                return Err(Error::setting(format!("{FLAG} {name}"), value, "kelvins of at least 0").into());
-            }
             match quantity.scalar() {
                 Some(attribute) => (attribute.name.clone(), None),
                 None => {
@@ -121,6 +108,26 @@ impl EmissionSpec {
         let Some(numbers) = numbers else { return Ok((particles, Some(name))) };
         let attribute = Attribute::new(name.clone(), 1, Column::F32(numbers));
         Ok((particles.with_attribute(attribute)?, Some(name)))
+    }
+
+    /// The quantity of the particles that it is of; `None` if it is of none.
+    fn quantity<'a>(&self, particles: &'a Particles) -> Result<Option<Quantity<'a>>> {
+        let (name, is_temperature) = match self {
+            Self::None | Self::Even(_) => return Ok(None),
+            Self::BlackBody(Some(name), _) => (name.as_str(), true),
+            Self::BlackBody(None, _) => {
+                let known = TEMPERATURES.iter().find(|&&name| particles.attribute(name).is_some());
+                (*known.unwrap_or(&TEMPERATURES[0]), true)
+            }
+            Self::Quantity(name) => (name.as_str(), false),
+        };
+        let quantity = find(particles, FLAG, name)?;
+        let ids = (0..particles.len()).into_par_iter().filter(|_| is_temperature);
+        if let Some(id) = ids.clone().find_first(|&id| quantity.value(id) < 0.0) {
+            let value = format!("{} (particle {})", short(quantity.value(id)), particles.place(id));
+            return Err(Error::setting(format!("{FLAG} {name}"), value, "kelvins of at least 0"));
+        }
+        Ok(Some(quantity))
     }
 
     /// Which grid of a file of grids it is of; `None` if of none.
@@ -203,7 +210,18 @@ impl Source {
         density: &Grid,
         values: Option<&Values>,
     ) -> Outcome<Option<(Self, String)>> {
-        let (Some(values), name) = (values, spec.grid().unwrap_or_default()) else {
+        let weighted = values.map(|values| values.weighted(density));
+        Self::of_numbers(args, spec, spec.grid().unwrap_or_default(), weighted)
+    }
+
+    /// The same of numbers with their weights, which are those of `name`.
+    fn of_numbers(
+        args: &Render,
+        spec: &EmissionSpec,
+        name: &str,
+        weighted: Option<Vec<(f64, f64)>>,
+    ) -> Outcome<Option<(Self, String)>> {
+        let Some(mut weighted) = weighted else {
             return Ok(match spec {
                 EmissionSpec::Even(radiance) => {
                     Some((Self::Even(*radiance), format!("emission {}", super::shown(*radiance))))
@@ -211,7 +229,6 @@ impl Source {
                 _ => None,
             });
         };
-        let mut weighted = values.weighted(density);
         if let EmissionSpec::BlackBody(_, reference) = spec {
             let (kelvins, how) = match reference {
                 Some(kelvins) => (*kelvins, "given"),
@@ -230,6 +247,15 @@ impl Source {
         Ok(Some((Self::Map(Box::new(scale)), format!("emission {text}"))))
     }
 
+    /// The radiance where the quantity has a value.
+    fn radiance(&self, value: f64) -> [f32; 3] {
+        match self {
+            Self::BlackBody(body) => body.radiance(value),
+            Self::Map(scale) => scale.color(value),
+            Self::Even(radiance) => *radiance,
+        }
+    }
+
     /// The emission of a density.
     pub(super) fn emission(
         &self,
@@ -242,17 +268,26 @@ impl Source {
             (Self::Even(radiance), _) => Emission::even(radiance.map(|it| scale * it))?,
             (_, None) => Emission::even([0.0; 3])?,
             (source, Some(values)) => Emission::of(density, |sample| {
-                let value = values.at(density, sample);
-                let radiance = match source {
-                    Self::BlackBody(body) => body.radiance(value),
-                    Self::Map(scale) => scale.color(value),
-                    Self::Even(radiance) => *radiance,
-                };
-                radiance.map(|it| scale * it)
+                source.radiance(values.at(density, sample)).map(|it| scale * it)
             }),
         };
         Ok(if args.medium.optics == OpticsName::Emission { emission.additive() } else { emission })
     }
+}
+
+/// The radiance that each sphere of a layer gives off, and how that is told; `None` if none is asked for.
+pub(crate) fn of_spheres(args: &Render, particles: &Particles) -> Outcome<Option<(Vec<[f32; 3]>, String)>> {
+    let Some(spec) = &args.medium.emission else { return Ok(None) };
+    let quantity = spec.quantity(particles)?;
+    let ids = 0..particles.len();
+    let weighted = quantity.as_ref().map(|it| ids.clone().map(|id| (it.value(id), 1.0)).collect());
+    let name = quantity.as_ref().map_or("", Quantity::label);
+    let Some((source, text)) = Source::of_numbers(args, spec, name, weighted)? else { return Ok(None) };
+    let radiance = |id: usize| {
+        let value = quantity.as_ref().map_or(0.0, |it| it.value(id));
+        source.radiance(value).map(|it| args.medium.emission_scale * it)
+    };
+    Ok(Some((ids.map(radiance).collect(), text)))
 }
 
 /// The value below which a share of all weight lies.

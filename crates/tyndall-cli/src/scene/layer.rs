@@ -38,6 +38,9 @@ const FLAGS: [&str; 14] = [
 const INHERITED: [&str; 8] =
     ["picture", "frames", "camera", "annotations", "method", "density", "medium", "options"];
 
+/// Flags of these tables that it has not: what gives off light is one layer.
+const OWN: [&str; 2] = ["emission", "emission-scale"];
+
 /// Whether a layer may have a flag of its own.
 pub(super) fn may_have(key: &Key) -> bool {
     TABLES.contains(&&*key.table) || FLAGS.contains(&&*key.name)
@@ -71,9 +74,8 @@ pub(super) fn render(
     (layer, whole): (&ArgMatches, &ArgMatches),
     origin: &Origin,
 ) -> Outcome<Render> {
-    let inherited = |key: &&Key| {
-        INHERITED.contains(&&*key.table) && !FLAGS.contains(&&*key.name) && !key.arg.is_positional()
-    };
+    let inherited =
+        |key: &&Key| INHERITED.contains(&&*key.table) && ![&FLAGS[..], &OWN].concat().contains(&&*key.name);
     let mut words: Vec<OsString> = ["tyndall", "render"].map(OsString::from).to_vec();
     keys.iter().filter(inherited).for_each(|key| words.extend(words_of(key, whole)));
     let own = |key: &&Key| !key.arg.is_positional();

@@ -12,6 +12,8 @@ pub(super) struct Surface {
     pub(super) position: Vec3,
     pub(super) normal: Vec3,
     pub(super) color: Vec3,
+    /// Radiance that it gives off.
+    pub(super) glow: Vec3,
     /// Of a sphere its center and radius; shapes are no clear bodies.
     pub(super) sphere: Option<(Vec3, f32)>,
 }
@@ -35,7 +37,11 @@ impl Surface {
         if let Some((shapes, own, shift)) = scene.locate_shape(node) {
             let (position, normal) = shapes.shape(own / 2).surface(point - shift, ray.direction);
             let color = shapes.color(own, |owner| scene.color(owner)).into();
-            return Self { node, position: position + shift, normal, color, sphere: None };
+            let glow = match scene.glows() {
+                true => shapes.color(own, |owner| scene.glow(owner)).into(),
+                false => Vec3::ZERO,
+            };
+            return Self { node, position: position + shift, normal, color, glow, sphere: None };
         }
         let (center, radius) = structure.sphere(node);
         // A sphere so small that rounding leaves no direction faces the ray.
@@ -45,6 +51,7 @@ impl Surface {
             position: center + radius * normal,
             normal,
             color: scene.color(structure.original(node)).into(),
+            glow: scene.glow(structure.original(node)).into(),
             sphere: Some((center, radius)),
         }
     }

@@ -27,6 +27,8 @@ pub struct Part {
     pub radius_scale: f32,
     /// Their colors.
     pub colors: ParticleColors,
+    /// RGB radiance that each gives off; none where there is nothing.
+    pub glow: Option<Vec<[f32; 3]>>,
     /// Which of them are shown; all where there is nothing.
     pub shown: Option<Vec<bool>>,
 }
@@ -42,6 +44,8 @@ pub struct Joined {
     pub colors: ParticleColors,
     /// Of each source its id 0, and by how much what was measured from its origin has moved.
     pub starts: Vec<Start>,
+    /// RGB radiance that each gives off, if any does.
+    pub glow: Option<Vec<[f32; 3]>>,
     /// Which are not shown.
     pub hidden: Hidden,
 }
@@ -87,7 +91,10 @@ pub fn join(parts: Vec<Part>, origin: DVec3) -> Result<Joined> {
         columns.length_unit = first.length_unit().map(String::from);
     }
     let mut colors = Vec::new();
-    for Part { particles, radii: of_part, radius_scale, colors: color, shown: flags } in parts {
+    let glows = parts.iter().any(|part| part.glow.is_some());
+    let mut glow: Vec<[f32; 3]> = Vec::with_capacity(if glows { count } else { 0 });
+    for Part { particles, radii: of_part, radius_scale, colors: color, glow: of_glow, shown: flags } in parts
+    {
         let shift = particles.positions().origin() - origin;
         starts.push(Start { id: radii.len() as u32, shift });
         for (axis, (column, added)) in offsets.iter_mut().zip(particles.positions().offsets()).enumerate() {
@@ -106,6 +113,9 @@ pub fn join(parts: Vec<Part>, origin: DVec3) -> Result<Joined> {
         if hides {
             let flags = flags.unwrap_or_else(|| vec![true; particles.len()]);
             shown.extend(flags.into_iter().map(u8::from));
+        }
+        if glows {
+            glow.extend(of_glow.unwrap_or_else(|| vec![[0.0; 3]; particles.len()]));
         }
         colors.push((color, particles.len()));
     }
@@ -126,7 +136,8 @@ pub fn join(parts: Vec<Part>, origin: DVec3) -> Result<Joined> {
         let quantity = Selectable::of(&particles, &filter)?;
         hidden = Hidden(Some((filter, quantity)));
     }
-    Ok(Joined { particles, radii, colors: ParticleColors::joined(&colors), starts, hidden })
+    let glow = glows.then_some(glow);
+    Ok(Joined { particles, radii, colors: ParticleColors::joined(&colors), starts, glow, hidden })
 }
 
 /// Which of joined particles are not shown.
@@ -153,7 +164,14 @@ mod tests {
         let mut columns = Columns::default();
         columns.positions.extend(&points.iter().copied().map(DVec3::from).collect::<Vec<_>>());
         let particles = Particles::new(columns).unwrap();
-        Part { particles, radii: Radii::Uniform(radius), radius_scale: 2.0, colors: color, shown: None }
+        Part {
+            particles,
+            radii: Radii::Uniform(radius),
+            radius_scale: 2.0,
+            colors: color,
+            glow: None,
+            shown: None,
+        }
     }
 
     #[test]

@@ -33,13 +33,13 @@ pub mod units;
 pub mod viewpoint;
 pub mod wanted;
 
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::frozen::Frozen;
 use crate::math::Ray;
-use crate::structure::Structure;
 use crate::structure::replicas::Replicas;
 use crate::structure::selection::Column;
 use crate::structure::shapes::{Arrow, Ellipsoid, Mesh, Segment, Shapes};
+use crate::structure::{Structure, by_node};
 #[cfg(feature = "gpu")]
 use color::ColorColumn;
 use color::ParticleColors;
@@ -61,6 +61,8 @@ pub struct Scene {
     shapes: Option<Shapes>,
     /// By node the probability that a particle is there, where not all are opaque.
     opacity: Option<Frozen<f32>>,
+    /// By node the radiance that particles give off, if any do.
+    glow: Option<Frozen<[f32; 3]>>,
     /// By node how far particles move while a picture is taken, if any do.
     motion: Option<Vec<Vec3>>,
     /// Quantities that filters may ask for.
@@ -83,6 +85,7 @@ impl Scene {
             colors,
             shapes: None,
             opacity: None,
+            glow: None,
             motion: None,
             selectables: Vec::new(),
         }
@@ -99,6 +102,7 @@ impl Scene {
             colors,
             shapes,
             opacity,
+            glow: self.glow.clone(),
             motion: None,
             selectables: Vec::new(),
         }
@@ -238,6 +242,30 @@ impl Scene {
     #[cfg(feature = "gpu")]
     pub(crate) fn color_column(&self) -> ColorColumn<'_> {
         self.colors.column()
+    }
+
+    /// From now on particles give off light: RGB radiance by id; none lets them be dark. It is seen in media ([`crate::render::medium::solids`]).
+    ///
+    /// Fails with [`Error::Setting`] if a radiance is negative or not finite.
+    pub fn set_glow(&mut self, glow: Option<&[[f32; 3]]>) -> Result<()> {
+        let is_wrong = |it: &&[f32; 3]| !it.iter().all(|value| (0.0..f32::INFINITY).contains(value));
+        if let Some(wrong) = glow.iter().copied().flatten().find(is_wrong) {
+            let allowed = "three finite numbers that are not negative";
+            return Err(Error::setting("--emission", format!("{wrong:?}"), allowed));
+        }
+        let shines = glow.filter(|glow| glow.iter().any(|it| *it != [0.0; 3]));
+        self.glow = shines.map(|glow| by_node(glow, self.structure.ids(), [0.0; 3]).into());
+        Ok(())
+    }
+
+    /// Whether any particle gives off light.
+    pub(crate) fn glows(&self) -> bool {
+        self.glow.is_some()
+    }
+
+    /// The radiance that the particle at `node` gives off, without images.
+    pub(crate) fn glow(&self, node: u32) -> [f32; 3] {
+        self.glow.as_ref().map_or([0.0; 3], |glow| glow[node as usize])
     }
 
     /// The color of the particle at `node`, without images: linear RGB, 0 to 1.

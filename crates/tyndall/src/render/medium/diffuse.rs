@@ -46,6 +46,8 @@ pub(super) struct Bodies {
     pub(super) extinction: Vec<f32>,
     /// The share of what they stop that they throw back.
     pub(super) albedo: f32,
+    /// The first coefficient of what they give off, if they do.
+    pub(super) emitted: Option<Vec<f32>>,
 }
 
 impl Level {
@@ -56,6 +58,22 @@ impl Level {
             values.iter_mut().zip(&bodies.extinction).for_each(|(sum, it)| *sum += it);
         }
         Field { lattice: self.density.lattice, values }
+    }
+
+    /// The first coefficient of what is emitted per extinction, by matter and by bodies with this share of it; `None` if nothing is.
+    fn source(&self, share_of_bodies: Option<&[f32]>) -> Option<Vec<f32>> {
+        let of_bodies = self.bodies.as_ref().and_then(|bodies| bodies.emitted.as_ref());
+        if self.emitted.is_none() && of_bodies.is_none() {
+            return None;
+        }
+        let mut sum = self.emitted.clone().unwrap_or_else(|| pages::zeros(self.density.values.len()));
+        if let Some(share) = share_of_bodies {
+            sum.iter_mut().zip(share).for_each(|(it, share)| *it *= 1.0 - share);
+            for ((sum, share), it) in sum.iter_mut().zip(share).zip(of_bodies.into_iter().flatten()) {
+                *sum += share * it;
+            }
+        }
+        Some(sum)
     }
 
     /// Of each sample the share of the extinction that is the bodies'.
@@ -119,23 +137,14 @@ pub(super) fn sky(channel: Channel, level: Level, ordinates: &[Ordinate]) -> Vec
     let lattice = level.density.lattice;
     let samples = level.density.values.len();
     let mut source: Radiance = (0..count(channel.order)).map(|_| pages::zeros(samples)).collect();
-    if level.emitted.is_none() && ordinates.iter().all(|ordinate| ordinate.inflow == 0.0) {
+    let emitted = level.source(level.share(channel).as_deref());
+    if emitted.is_none() && ordinates.iter().all(|ordinate| ordinate.inflow == 0.0) {
         return fields(lattice, source);
     }
-    let sweeper = Sweeper::new(level.extinction(channel));
-    let share = level.share(channel);
-    if let Some(emitted) = level.emitted {
+    if let Some(emitted) = emitted {
         source[0] = emitted;
-        dim(&mut source[0], share.as_deref());
     }
-    fields(lattice, sweeper.sweep(ordinates, &source))
-}
-
-/// Leaves of what matter adds per extinction what belongs to it, where bodies have a share of the extinction.
-fn dim(values: &mut [f32], share_of_bodies: Option<&[f32]>) {
-    for (value, share) in values.iter_mut().zip(share_of_bodies.into_iter().flatten()) {
-        *value *= 1.0 - share;
-    }
+    fields(lattice, Sweeper::new(level.extinction(channel)).sweep(ordinates, &source))
 }
 
 /// Coefficients of radiance at the samples of a lattice.
@@ -147,6 +156,8 @@ struct Solver<'a> {
     sweepers: Vec<Sweeper>,
     /// For every level, of each sample the share of bodies in the extinction, if there are any.
     shares: Vec<Option<Vec<f32>>>,
+    /// For every level what is emitted: see [`Level::source`].
+    sources: Vec<Option<Vec<f32>>>,
     ordinates: &'a [Ordinate],
     /// The same directions with nothing that flows in.
     dark: Vec<Ordinate>,
@@ -161,11 +172,14 @@ impl<'a> Solver<'a> {
             let sums = weights.coarsened(pair[1].density.lattice);
             [weights, sums]
         });
+        let shares: Vec<_> = levels.iter().map(|level| level.share(channel)).collect();
+        let sources = levels.iter().zip(&shares).map(|(level, share)| level.source(share.as_deref()));
         Self {
             channel,
             levels,
+            sources: sources.collect(),
             sweepers: levels.iter().map(|level| Sweeper::new(level.extinction(channel))).collect(),
-            shares: levels.iter().map(|level| level.share(channel)).collect(),
+            shares,
             ordinates,
             dark: ordinates.iter().map(|it| Ordinate { inflow: 0.0, ..*it }).collect(),
             weights: weights.collect(),
@@ -181,9 +195,7 @@ impl<'a> Solver<'a> {
         let mut arriving = radiance.clone();
         add(&mut arriving, &self.levels[place].direct);
         let mut source = self.scattered(place, arriving);
-        if let Some(emitted) = &self.levels[place].emitted {
-            let mut emitted = emitted.clone();
-            dim(&mut emitted, self.shares[place].as_deref());
+        if let Some(emitted) = &self.sources[place] {
             source[0].iter_mut().zip(emitted).for_each(|(sum, it)| *sum += it);
         }
         self.sweepers[place].sweep(self.ordinates, &source)

@@ -14,7 +14,7 @@ use rayon::prelude::*;
 
 use super::brute::BruteForce;
 use super::cache::{Cache, Lit};
-use super::free_path::Tracker;
+use super::free_path::{FreePath, Tracker};
 use super::lights::Lights;
 use super::lit::{LitBricks, Spectrum};
 use super::packet::{self, Gathered, Matter, Paths};
@@ -238,10 +238,9 @@ impl<'a> March<'a> {
             },
             Source::BruteForce(brute) => {
                 let number = row * width + column;
-                let mut stream =
+                let stream =
                     Stream::new(u64::from(seed), u64::from(number) << 32 | u64::from(self.samples_done));
-                let light = |at| brute.scattered(at, ray.direction, &mut stream);
-                self.stepped(&ray, start, light).add_to(sums, Vec3::ONE)
+                self.brute(&ray, start, brute, stream).add_to(sums, Vec3::ONE)
             }
         };
         self.add_behind(&ray, (met, through), row * width + column, sums);
@@ -271,8 +270,8 @@ impl<'a> March<'a> {
         }
     }
 
-    /// The radiance that a surface throws back toward the eye, a sample of it: by a path that goes from body to body and takes the medium's light from where
-    /// the march takes it.
+    /// The radiance that a surface throws back toward the eye, a sample of it: by a path from body to body, which takes the medium's light where it meets the
+    /// medium, and ends there.
     #[inline(never)]
     fn surface_radiance(&self, surface: Surface, pixel: u32) -> Vec3 {
         let (seed, sample) = (self.settings.seed, self.samples_done);
@@ -280,11 +279,12 @@ impl<'a> March<'a> {
         let mut random = shuffled_point(seed, Dimension::Sky, pixel, sample);
         let (mut surface, mut throughput, mut radiance) = (surface, Vec3::ONE, Vec3::ZERO);
         loop {
+            radiance += throughput * surface.glow;
             throughput *= surface.color;
             let share = |toward: Vec3| thrown(&surface, toward);
-            let through = |ray: &Ray, _: &mut Stream| match self.solids {
+            let through = |ray: &Ray, stream: &mut Stream| match self.solids {
                 Some(solids) if solids.block(ray, Some(surface.node)) => Vec3::ZERO,
-                _ => self.tracker.transmittance(ray),
+                _ => self.tracker.ratio_transmittance(ray, stream),
             };
             radiance += throughput * self.lights.direct(surface.position, share, through, &mut stream);
             let most = throughput.max_element();
@@ -298,30 +298,28 @@ impl<'a> March<'a> {
             let density = thrown(&surface, direction);
             let mut ray = Ray { origin: surface.position, direction, t_min: 0.0, t_max: f32::INFINITY };
             let met = self.meet(&mut ray, Some(surface.node));
-            let (added, through) = self.along(&ray, &mut stream);
-            radiance += throughput * added;
-            throughput *= through;
-            match met {
-                None => return radiance + throughput * self.lights.left_over(direction, density),
-                Some(next) if throughput != Vec3::ZERO => surface = next,
-                Some(_) => return radiance,
+            if self.medium.is_additive() {
+                radiance += throughput * self.tracker.added(&ray);
             }
+            let flown = self.tracker.next(FreePath::Delta, &ray, &mut throughput, &mut stream);
+            surface = match (flown, met) {
+                (Some(distance), _) => {
+                    let at = ray.origin + distance * direction;
+                    return radiance + throughput * self.scattered(at, direction, &mut stream);
+                }
+                (None, Some(next)) => next,
+                (None, None) => return radiance + throughput * self.lights.left_over(direction, density),
+            };
             random = [stream.unit(), stream.unit()];
         }
     }
 
-    /// The radiance that the medium adds along a ray that is not the eye's, and the share of what is behind that comes through.
-    fn along(&self, ray: &Ray, stream: &mut Stream) -> (Vec3, Vec3) {
-        let start = stream.unit();
-        let walk = match &self.light {
-            Source::Cached(cache, _) => {
-                self.stepped(ray, start, |at| cache.scattered(at, ray.direction) + self.medium.emitted(at))
-            }
-            Source::BruteForce(brute) => {
-                self.stepped(ray, start, |at| brute.scattered(at, ray.direction, stream))
-            }
-        };
-        (walk.scattered, walk.transmittance)
+    /// The radiance that matter at a point adds, per extinction, to light that travels against `direction`.
+    fn scattered(&self, at: Vec3, direction: Vec3, stream: &mut Stream) -> Vec3 {
+        match &self.light {
+            Source::Cached(cache, _) => cache.scattered(at, direction) + self.medium.emitted(at),
+            Source::BruteForce(brute) => brute.scattered(at, direction, stream),
+        }
     }
 
     /// What can be marched in packets, if that is all: light from the cache, without noise.
@@ -423,7 +421,7 @@ impl<'a> March<'a> {
     }
 
     /// Along a ray with light that is found at every step.
-    fn stepped(&self, ray: &Ray, start: f32, mut light: impl FnMut(Vec3) -> Vec3) -> Walk<Vec3> {
+    fn brute(&self, ray: &Ray, start: f32, brute: &BruteForce, mut stream: Stream) -> Walk<Vec3> {
         let mut walk = self.walk(0);
         let extinction = Vec3::from(self.medium.optics().extinction) * self.step();
         let Some(mut crossing) = self.crossing(ray, start) else { return walk };
@@ -433,7 +431,7 @@ impl<'a> March<'a> {
             let (at, factor) = self.noise.map_or((at, 1.0), |noise| noise.disperse(at));
             let density = factor * self.medium.density().density(at);
             if density > 0.0 {
-                walk.step(extinction * density, light(at), t);
+                walk.step(extinction * density, brute.scattered(at, ray.direction, &mut stream), t);
                 if walk.is_dark() {
                     break;
                 }

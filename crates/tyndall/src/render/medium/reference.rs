@@ -194,9 +194,11 @@ impl<'a> Reference<'a> {
         let mut random = random;
         let mut scatterings = 0;
         loop {
-            if let Met::Matter = met {
-                radiance += throughput * medium.emitted(at);
-            }
+            radiance += throughput
+                * match &met {
+                    Met::Matter => medium.emitted(at),
+                    Met::Surface(surface) => surface.glow,
+                };
             if self.settings.orders.is_some_and(|orders| scatterings >= orders) {
                 return radiance;
             }

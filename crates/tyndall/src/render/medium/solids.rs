@@ -5,7 +5,7 @@ use std::f32::consts::{PI, TAU};
 use glam::Vec3;
 use rayon::prelude::*;
 
-use super::field::{Field, sample};
+use super::field::sample;
 use crate::math::{Bounds, Ray};
 use crate::medium::grid::Lattice;
 use crate::pages;
@@ -65,7 +65,7 @@ impl<'a> Solids<'a> {
         chunks.into_iter().sum::<Vec3>() / nodes.max(1) as f32
     }
 
-    /// Sets to 0 those of the `transmittances` of the samples of a lattice, `channels` each, at which a light is hidden; `toward` tells for a sample's place the
+    /// Dims the `transmittances` of the samples of a lattice, `channels` each, by the share of their cells at which a light is hidden; `toward` tells for a place the
     /// direction and distance of the light. Within a body light ends at its middle: so samples on the bright side of its surface are not dark.
     pub(super) fn shade(
         &self,
@@ -83,7 +83,7 @@ impl<'a> Solids<'a> {
             if self.block(&ray, None) {
                 return true;
             }
-            // Bodies that hold the sample are entered by a ray from the light.
+            // Bodies that hold the place are entered by a ray from the light.
             let back =
                 Ray { origin: at + reach * direction, direction: -direction, t_min: 0.0, t_max: reach };
             let mut is_behind = false;
@@ -97,24 +97,47 @@ impl<'a> Solids<'a> {
         };
         let samples = transmittances.par_chunks_exact_mut(channels).enumerate().with_min_len(1024);
         samples.for_each(|(place, of_sample)| {
-            if of_sample.iter().any(|it| *it > 0.0) && is_hidden(lattice.position(sample(lattice, place))) {
-                of_sample.fill(0.0);
+            if of_sample.iter().all(|it| *it <= 0.0) {
+                return;
             }
+            let middle = lattice.position(sample(lattice, place));
+            let hidden =
+                CORNERS.iter().filter(|it| is_hidden(middle + 0.25 * lattice.spacing * **it)).count();
+            let lit = 1.0 - hidden as f32 / CORNERS.len() as f32;
+            of_sample.iter_mut().for_each(|it| *it *= lit);
         });
     }
 
     /// What the bodies are for light that is smooth: how much of it they stop, per unit length, and the share of that which they throw back.
     pub(super) fn smooth(&self, lattice: Lattice) -> Smooth {
-        let mut extinction = Field { lattice, values: pages::zeros(lattice.sample_count() as usize) };
+        let nothing = || pages::zeros(lattice.sample_count() as usize);
+        let mut extinction = nothing();
+        let mut glow = self.scene.glows().then(|| [(); 3].map(|()| nothing()));
         let structure = self.scene.structure();
-        for node in 0..structure.nodes() {
+        let thickness = Thickness::new();
+        for node in (0..structure.nodes()).filter(|&node| structure.shows(node)) {
             let (center, radius) = structure.sphere(node);
-            spread(&mut extinction, center, radius);
+            let radiance = self.scene.glow(structure.original(node));
+            spread(&lattice, center, radius, &thickness, |place, added| {
+                // What overlaps is not thicker than what is full.
+                let added =
+                    (added.min(MOST) / lattice.spacing).min(MOST / lattice.spacing - extinction[place]);
+                extinction[place] += added;
+                for (sum, radiance) in glow.iter_mut().flatten().zip(radiance) {
+                    sum[place] += added * radiance;
+                }
+            });
         }
-        Smooth { extinction: extinction.values, color: self.color() }
+        for values in glow.iter_mut().flatten() {
+            values.iter_mut().zip(&extinction).for_each(|(sum, it)| *sum /= it.max(f32::MIN_POSITIVE));
+        }
+        Smooth { extinction, color: self.color(), glow }
     }
 }
 
+/// Of a tetrahedron around a sample: places that stand for its cell.
+const CORNERS: [Vec3; 4] =
+    [Vec3::ONE, Vec3::new(1.0, -1.0, -1.0), Vec3::new(-1.0, 1.0, -1.0), Vec3::new(-1.0, -1.0, 1.0)];
 /// Nodes whose colors are summed at a time.
 const CHUNK: u32 = 1 << 16;
 
@@ -125,56 +148,133 @@ pub(super) struct Smooth {
     pub(super) extinction: Vec<f32>,
     /// RGB share.
     pub(super) color: Vec3,
+    /// Of each channel the radiance that they give off, at the samples, if they do.
+    pub(super) glow: Option<[Vec<f32>; 3]>,
 }
 
-/// Optical thickness of a sample's cell that is full of a body.
-const FULL: f32 = 4.0;
-
-/// Adds the extinction of a sphere to the samples that it covers. Spheres that are small beside a cell stop light like dust, by their cross sections: 3 / (4 radius)
-/// of the volume that they fill. Of large ones each cell within is full.
-fn spread(extinction: &mut Field, center: Vec3, radius: f32) {
-    let Lattice { origin, spacing, size } = extinction.lattice;
-    if radius <= 0.0 {
+/// Tells for each sample that a sphere covers how much extinction it adds there, in one over the spacing. A ball stands for the sphere whose rim is as wide as a cell, so that it has no steps; it
+/// is so thick that it stops as much light as the sphere does by its cross section.
+fn spread(
+    lattice: &Lattice,
+    center: Vec3,
+    radius: f32,
+    thickness: &Thickness,
+    mut add: impl FnMut(usize, f32),
+) {
+    let Lattice { origin, spacing, size } = *lattice;
+    let wide = radius / spacing;
+    if wide <= 0.0 {
         return;
     }
     let place = (center - origin) / spacing;
-    // Half a cell is the least that is resolved.
-    let wide = (radius / spacing).max(0.5);
-    let least = (place - wide - 1.0).ceil().max(Vec3::ZERO);
-    let most = (place + wide + 1.0).floor();
+    let least = (place - wide - RIM).ceil().max(Vec3::ZERO);
+    let most = (place + wide + RIM).floor();
     // The outermost samples stay free: light flows in there.
     let range = |axis: usize| {
         let last = size[axis].saturating_sub(1).max(1);
         (least[axis] as u32).clamp(1, last)..((most[axis] + 1.0).max(1.0) as u32).clamp(1, last)
     };
-    // Shares of the cells, and of all of them: that of a sphere smaller than half a cell is its volume.
-    let share = |i: u32, j: u32, k: u32| {
-        let away = (Vec3::new(i as f32, j as f32, k as f32) - place).length();
-        (wide + 0.5 - away).clamp(0.0, 1.0)
+    let cells = || {
+        let rows = range(2).flat_map(|k| range(1).map(move |j| [j, k]));
+        rows.flat_map(|[j, k]| {
+            range(0).map(move |i| {
+                let away = (Vec3::new(i as f32, j as f32, k as f32) - place).length();
+                (((k * size[1] + j) * size[0] + i) as usize, share(wide, away))
+            })
+        })
     };
-    let volume = 4.0 / 3.0 * PI * (radius / spacing).powi(3);
-    let mut sum = 0.0;
-    for k in range(2) {
-        for j in range(1) {
-            for i in range(0) {
-                sum += share(i, j, k);
-            }
-        }
-    }
-    if sum <= 0.0 {
-        return;
-    }
-    let filled = (volume / sum).min(1.0);
-    let full = (0.75 / radius).max(FULL / spacing * (radius / spacing).min(1.0));
-    for k in range(2) {
-        for j in range(1) {
-            for i in range(0) {
-                let value = &mut extinction.values[((k * size[1] + j) * size[0] + i) as usize];
-                *value = (*value + full * filled * share(i, j, k)).min(MOST / spacing);
-            }
-        }
+    // Samples have as much in all as the ball has.
+    let sum: f32 = cells().map(|(_, share)| share).sum();
+    if sum > 0.0 {
+        let each = thickness.of(wide) * (volume(wide) / sum).min(MOST_EACH);
+        cells().filter(|(_, share)| *share > 0.0).for_each(|(place, share)| add(place, each * share));
     }
 }
 
+/// How far the rim of a ball reaches beyond the sphere, in cells.
+const RIM: f32 = 0.5;
+/// What samples of a ball that lies between them have at most instead of others.
+const MOST_EACH: f32 = 4.0;
 /// The most that overlapping bodies stop in a cell.
 const MOST: f32 = 8.0;
+
+/// Of a ball for a sphere of a radius in cells, the share that is there at a distance from the middle.
+fn share(wide: f32, away: f32) -> f32 {
+    (wide + RIM - away).clamp(0.0, 1.0)
+}
+
+/// The integral of [`share`] over the ball.
+fn volume(wide: f32) -> f32 {
+    let (inner, outer) = ((wide - RIM).max(0.0), wide + RIM);
+    let shell = |radius: f32| radius.powi(3) / 3.0 * outer - radius.powi(4) / 4.0;
+    4.0 * PI * (inner.powi(3) / 3.0 * (wide + RIM - inner).min(1.0) + shell(outer) - shell(inner))
+}
+
+/// How thick balls are, by the radius of their spheres.
+struct Thickness(Vec<f32>);
+
+impl Thickness {
+    /// Radii of the table, in cells: from the first on in ratios of the square root of two.
+    const FIRST: f32 = 1.0 / 64.0;
+    const COUNT: usize = 28;
+
+    fn new() -> Self {
+        let of_entry = |entry: usize| {
+            let wide = Self::FIRST * 2.0_f32.powf(0.5 * entry as f32);
+            let wanted = PI * wide * wide;
+            let (mut low, mut high) = (0.0, 64.0);
+            for _ in 0..40 {
+                let middle = 0.5 * (low + high);
+                if cross_section(wide, middle) < wanted { low = middle } else { high = middle }
+            }
+            // What small spheres stop goes by their area.
+            0.5 * (low + high) / (wide * wide)
+        };
+        Self((0..Self::COUNT).map(of_entry).collect())
+    }
+
+    /// Extinction in one over a cell.
+    fn of(&self, wide: f32) -> f32 {
+        let place = (2.0 * (wide / Self::FIRST).log2()).clamp(0.0, (Self::COUNT - 1) as f32);
+        let first = (place as usize).min(Self::COUNT - 2);
+        let (a, b) = (self.0[first], self.0[first + 1]);
+        wide * wide * (a + (place - first as f32) * (b - a))
+    }
+}
+
+/// The area, in cells, of what a ball of an extinction stops: 1 - e^-depth, over all rays through it.
+fn cross_section(wide: f32, extinction: f32) -> f32 {
+    const STEPS: usize = 48;
+    let outer = wide + RIM;
+    let at = |step: usize| (step as f32 + 0.5) / STEPS as f32;
+    let rays = (0..STEPS).map(|step| {
+        let from_middle = outer * at(step);
+        let half = (outer * outer - from_middle * from_middle).max(0.0).sqrt();
+        let depth: f32 = (0..STEPS).map(|step| share(wide, from_middle.hypot(half * at(step)))).sum();
+        let stopped = 1.0 - (-extinction * depth * 2.0 * half / STEPS as f32).exp();
+        TAU * from_middle * stopped * outer / STEPS as f32
+    });
+    rays.sum()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn balls_stop_what_spheres_do() {
+        let thickness = Thickness::new();
+        for wide in [0.02, 0.3, 0.5, 0.8, 1.0, 1.7, 4.0, 30.0, 100.0] {
+            let found = cross_section(wide, thickness.of(wide));
+            assert!((found / (PI * wide * wide) - 1.0).abs() < 0.03, "{wide}: {found}");
+            let steps = 2000;
+            let sum: f64 = (0..steps)
+                .map(|step| {
+                    let away = (wide + RIM) * (step as f32 + 0.5) / steps as f32;
+                    f64::from(4.0 * PI * away * away * share(wide, away) * (wide + RIM)) / steps as f64
+                })
+                .sum();
+            assert!((f64::from(volume(wide)) / sum - 1.0).abs() < 1e-3, "{wide}: {} {sum}", volume(wide));
+        }
+    }
+}

@@ -206,8 +206,10 @@ impl<'a> Builder<'a> {
 
     /// The bodies on the lattice of that number, in one channel.
     fn bodies_of(&self, place: usize, channel: usize) -> Option<Bodies> {
-        let Smooth { extinction, color } = self.bodies.get(place)?;
-        Some(Bodies { extinction: extinction.clone(), albedo: color[channel] })
+        let Smooth { extinction, color, glow } = self.bodies.get(place)?;
+        let [even, ..] = harmonics::evaluate(Vec3::Z);
+        let emitted = glow.as_ref().map(|it| it[channel].iter().map(|radiance| radiance / even).collect());
+        Some(Bodies { extinction: extinction.clone(), albedo: color[channel], emitted })
     }
 
     /// Coefficients of the light that was scattered before, from photons, at each sample: the mean of some passes, each of which

@@ -55,7 +55,8 @@ fn slabs_reflect_and_let_through_what_adding_and_doubling_says() {
         let origin = Vec3::new(100.0 * depth, 100.0 * depth, -0.5 * depth);
         for free_path in RIGHT {
             let settings = settings(1, free_path);
-            let tracer = Tracer { tracker: Tracker::new(&medium), settings: &settings };
+            let bounds = medium.bounds();
+            let tracer = Tracer { tracker: Tracker::new(&medium), solids: None, bounds, settings: &settings };
             let (mut back, mut on, mut at_once) = (0.0, 0.0, 0.0);
             let count = 20_000;
             for number in 0..count {

@@ -5,7 +5,7 @@
 use std::f32::consts::PI;
 
 use super::*;
-use crate::medium::light::{Directional, Point};
+use crate::medium::light::{Directional, Environment, Point};
 use crate::medium::{Grid, Optics, Phase};
 use crate::scene::camera::{Camera, Projection};
 use glam::DVec3;
@@ -125,7 +125,8 @@ fn a_slab_of_all_orders_agrees_with_adding_and_doubling() {
                     let start = Ray { origin: ray.origin + distance * ray.direction, ..ray };
                     let mut stream = Stream::new(18, number);
                     let random = [stream.unit(), stream.unit()];
-                    let radiance = f64::from(reference.path(start, weight, random, &mut stream).x);
+                    let radiance =
+                        f64::from(reference.path(Met::Matter, start, weight, random, &mut stream).x);
                     sum += radiance * f64::from(PI);
                     square += (radiance * f64::from(PI)).powi(2);
                 }

@@ -73,7 +73,7 @@ fn a_sphere_behind_matter_that_absorbs_is_as_bright_as_the_formula_says() {
             let Pixel { scattered, environment, transmittance, .. } = pixels[MIDDLE];
             // A pixel's corner lies a little off the middle of the sphere.
             assert!(
-                (scattered / wanted - 1.0).abs().max_element() < 0.01,
+                (scattered / wanted - 1.0).abs().max_element() < 0.03,
                 "{extinction}: {scattered} {wanted}"
             );
             assert_eq!((environment, transmittance), (Vec3::ZERO, Vec3::ZERO));
@@ -89,7 +89,7 @@ fn matter_in_the_shadow_of_a_sphere_scatters_nothing() {
     let solids = spheres(&[Vec3::new(0.0, 0.6, 0.0)], 0.3, [0.0; 3]);
     let below = 22 * 32 + 16;
     let lit = |pixels: &[Pixel]| pixels[below].scattered.x / (1e-3 / (4.0 * PI));
-    let reference = lit(&traced(&medium, &lights, &solids, Some(1), 512));
+    let reference = lit(&traced(&medium, &lights, &solids, Some(1), 128));
     let found = lit(&marched(&medium, &lights, &solids, &Settings::default(), 16));
     // 2 long, less the chord of the shadow: 0.6 but for the width of the pixel.
     assert!((reference - 1.4).abs() < 0.02, "{reference}");
@@ -105,7 +105,7 @@ fn white_spheres_in_white_matter_under_an_even_sky_are_not_seen() {
         white
     };
     let lights = [sky([1.0; 3])];
-    let pixels = traced(&medium, &lights, &solids, None, 64);
+    let pixels = traced(&medium, &lights, &solids, None, 24);
     let mean = pixels.iter().map(|it| it.scattered + it.environment).sum::<Vec3>() / pixels.len() as f32;
     assert!((mean - 1.0).abs().max_element() < 5e-3, "{mean}");
     // The cache takes bodies as matter: it loses a little light beside them.
@@ -134,13 +134,13 @@ fn spheres_in_smoke_are_those_of_the_reference() {
         (lumps(grey(2.0, 0.8, 0.0)), vec![point, sky([0.2; 3])]),
     ];
     for (number, (medium, lights)) in scenes.iter().enumerate() {
-        let wanted = traced(medium, lights, &solids, None, 256);
-        let found = marched(medium, lights, &solids, &Settings::default(), 64);
+        let wanted = traced(medium, lights, &solids, None, 96);
+        let found = marched(medium, lights, &solids, &Settings::default(), 32);
         let error = relative_error(&found, &wanted);
         let [found, wanted] = [mean(&found), mean(&wanted)];
         println!("scene {number}: relMSE {error:.5}, means {found} and {wanted}");
         assert!(error < 0.01, "scene {number}: {error}");
-        assert!((found / wanted - 1.0).abs().max_element() < 0.03, "scene {number}: {found} {wanted}");
+        assert!((found / wanted - 1.0).abs().max_element() < 0.06, "scene {number}: {found} {wanted}");
     }
 }
 
@@ -148,7 +148,13 @@ fn spheres_in_smoke_are_those_of_the_reference() {
 fn photons_from_spheres_bring_their_light() {
     let (medium, solids) = (lumps(grey(3.0, 0.9, 0.0)), some_spheres());
     let lights = [sun([4.0, 3.0, 2.0])];
-    let photons = photons::Settings { count: 200_000, seed: 3, ..photons::Settings::default() };
+    let photons = photons::Settings {
+        count: 200_000,
+        seed: 3,
+        free_path: FreePath::Delta,
+        stored: Stored::Multiple,
+        memory_bytes: None,
+    };
     let bodies = Solids::new(&solids);
     let traced = photons::trace_around(&medium, &lights, Some(bodies), &photons, &()).unwrap();
     let kept = traced.escaped_power + traced.absorbed_power;
@@ -159,6 +165,30 @@ fn photons_from_spheres_bring_their_light() {
     let by_photons = mean(&marched(&medium, &lights, &solids, &settings, 16));
     let by_sweeps = mean(&marched(&medium, &lights, &solids, &Settings::default(), 16));
     assert!((by_photons / by_sweeps - 1.0).abs().max_element() < 0.05, "{by_photons} {by_sweeps}");
+}
+
+#[test]
+fn spheres_that_glow_are_seen_and_light_the_matter_around_them() {
+    let mut black = spheres(&[Vec3::new(0.0, 0.0, -0.5)], 0.5, [0.0; 3]);
+    let glow = Vec3::new(2.0, 1.0, 0.5);
+    black.set_glow(Some(&[glow.to_array()])).unwrap();
+    let medium = cube(0.7, 0.0, 0.0);
+    let wanted = glow * (-0.7_f32).exp();
+    for pixels in
+        [traced(&medium, &[], &black, None, 4), marched(&medium, &[], &black, &Settings::default(), 4)]
+    {
+        let found = pixels[MIDDLE].scattered;
+        assert!((found / wanted - 1.0).abs().max_element() < 0.01, "{found} {wanted}");
+    }
+
+    let mut solids = some_spheres();
+    solids.set_glow(Some(&[glow.to_array(); 14])).unwrap();
+    let medium = lumps(grey(4.0, 0.9, 0.0));
+    let wanted = mean(&traced(&medium, &[], &solids, None, 64));
+    let found = mean(&marched(&medium, &[], &solids, &Settings::default(), 16));
+    println!("glowing: {found} and {wanted}");
+    assert!((found / wanted - 1.0).abs().max_element() < 0.08, "{found} {wanted}");
+    assert!(solids.set_glow(Some(&[[-1.0, 0.0, 0.0]; 14])).is_err());
 }
 
 #[test]
