@@ -15,6 +15,7 @@ use tyndall_io::write::{ImageOptions, movie};
 use crate::annotate::Annotate;
 use crate::bench_culling::CullingBench;
 use crate::culling::CullingArgs;
+use crate::cut::Cut;
 use crate::device::Choice;
 use crate::illustrate::Illustrate;
 use crate::layers::Layer;
@@ -193,6 +194,8 @@ pub(crate) struct Render {
     pub(crate) camera: CameraArgs,
     #[command(flatten)]
     pub(crate) selection: Selection,
+    #[command(flatten)]
+    pub(crate) cut: Cut,
     #[command(flatten)]
     pub(crate) look: Look,
     #[command(flatten)]

@@ -14,6 +14,7 @@ mod bench_medium;
 mod build;
 mod convert;
 mod culling;
+mod cut;
 mod device;
 mod dry_run;
 mod help;

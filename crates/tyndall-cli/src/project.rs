@@ -211,6 +211,7 @@ impl Job<'_> {
             return Err(Failure::Usage(format!("{flag} is for spheres — leave it out with --mode project")));
         }
         self.args.illustrate.refuse("--mode project")?;
+        self.args.cut.refuse("--mode project")?;
         if self.args.look.look != LightLook::Default {
             let text = "--look is for spheres and media — leave it out with --mode project (--cmap, --norm, --range)";
             return Err(Failure::Usage(text.into()));

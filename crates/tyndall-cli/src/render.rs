@@ -48,7 +48,7 @@ use crate::shot::{self, Shot};
 use crate::sources::{self, Sources, Together};
 use crate::values::{Background, Degrees};
 use crate::{
-    ahead, culling, dry_run, illustrate, input, looks, medium, metadata, progress, project, structure,
+    ahead, culling, cut, dry_run, illustrate, input, looks, medium, metadata, progress, project, structure,
 };
 
 /// Renders what the command line asks for.
@@ -174,6 +174,11 @@ impl<'a> Job<'a> {
         if images.is_some() && coverage {
             return Err(Error::setting("--certified", "coverage", "without coverage with --replicate").into());
         }
+        let cut = args.cut.name();
+        if let Some(name) = cut.filter(|_| coverage) {
+            let allowed = format!("without coverage with {name}");
+            return Err(Error::setting("--certified", "coverage", allowed).into());
+        }
         let of_picture = shot::beyond_cards(args);
         let part = of_picture.filter(|_| !args.camera.panorama || args.picture.stereo.is_some());
         let refused = goal.name().zip(part).or(args.annotate.name().zip(shot::not_plain(args)));
@@ -189,8 +194,9 @@ impl<'a> Job<'a> {
                 "--replicate is not for several layers — leave out one of them".into(),
             ));
         }
-        let beyond = images.map(|_| "--replicate").or(shape).or(args.look.drawn());
+        let beyond = images.map(|_| "--replicate").or(shape).or(args.look.drawn()).or(cut);
         looks::check(args)?;
+        cut::check(args)?;
         let is_of_surfaces = args.picture.layers.iter().flatten().any(|layer| layer.is_of_surface());
         if args.look.moving().is_some() && is_of_surfaces {
             let allowed = "without normal and position with --shutter: what moves has several";
@@ -449,6 +455,7 @@ impl<'a> Job<'a> {
             true => (Some(Found::of(&self.args.selection, &particles)?), (None, None)),
             false => (None, selection::shown(&self.args.selection, &particles)?),
         };
+        let cuts = self.args.cut.half_spaces(&particles);
         let numbers = match (self.layers.contains(&Layer::Value), &parts) {
             (true, None) => Some(layers::Numbers::of(&particles, &look.color)?),
             (true, Some(_)) => {
@@ -549,6 +556,7 @@ impl<'a> Job<'a> {
         self.meshes.add_to(&mut scene)?;
         scene.set_opacity(opacities.as_deref())?;
         scene.set_motion(moves.as_deref())?;
+        scene.set_cut(&cuts, self.args.cut.color());
         beside.add_to(&mut scene)?;
         let hidden = selection.map(|found| found.hide_others(&mut scene)).transpose()?.flatten();
         if let Some(text) = hidden.or(share) {
@@ -612,6 +620,9 @@ impl<'a> Job<'a> {
 
     /// The error about a picture that shows nothing.
     fn unseen(&self, scene: &Scene, dropped: u64, camera: &Camera) -> Failure {
+        if let Some(why) = self.args.cut.why_unseen(scene) {
+            return Failure::Unseen(why);
+        }
         let Settings { width, height, .. } = self.settings;
         match camera.view(scene.structure().origin(), width, height) {
             Ok(view) => Failure::Unseen(why_unseen(scene.structure(), dropped, &view)),
@@ -746,6 +757,7 @@ impl<'a> Job<'a> {
         guesses.extend([radius.to_string(), colors.description.clone(), framing.to_string()]);
         guesses.push(format!("{width}x{height}, {samples} samples"));
         guesses.extend(looks::description(self.args));
+        guesses.extend(self.args.cut.description());
         if self.settings.culling != Culling::default() {
             guesses.push(culling::description(&self.settings.culling));
         }

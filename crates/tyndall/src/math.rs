@@ -105,15 +105,28 @@ pub(crate) const HIT_ROUNDING: f32 = 2.0e-6;
 /// The direction has unit length. A ray that starts inside does not enter.
 #[inline(always)]
 pub fn enter_sphere(ray: &Ray, center: Vec3, radius: f32) -> f32 {
+    let (closest, half_chord_sq) = chord(ray, center, radius);
+    let t = closest - half_chord_sq.max(0.0).sqrt();
+    if half_chord_sq > 0.0 && ray.t_min < t && t < ray.t_max { t } else { ray.t_max }
+}
+
+/// Distance at which the line of `ray` leaves a sphere that it meets.
+#[inline(always)]
+pub(crate) fn leave_sphere(ray: &Ray, center: Vec3, radius: f32) -> f32 {
+    let (closest, half_chord_sq) = chord(ray, center, radius);
+    closest + half_chord_sq.max(0.0).sqrt()
+}
+
+/// Distance at which the line of `ray` comes nearest to the center of a sphere, and the square of half its chord: not above 0 where it misses.
+#[inline(always)]
+fn chord(ray: &Ray, center: Vec3, radius: f32) -> (f32, f32) {
     let to_center = center - ray.origin;
     let closest =
         to_center.x * ray.direction.x + to_center.y * ray.direction.y + to_center.z * ray.direction.z;
     // A difference of vectors, not of squared lengths: those cancel for a small sphere far away.
     let off_axis = to_center - closest * ray.direction;
     let off_axis_sq = off_axis.x * off_axis.x + off_axis.y * off_axis.y + off_axis.z * off_axis.z;
-    let half_chord_sq = radius * radius - off_axis_sq;
-    let t = closest - half_chord_sq.max(0.0).sqrt();
-    if half_chord_sq > 0.0 && ray.t_min < t && t < ray.t_max { t } else { ray.t_max }
+    (closest, radius * radius - off_axis_sq)
 }
 
 /// e^-x for x of at least 0; 0 beyond 87. The relative error is below 1e-7 (4 + x): what grows with x is the rounding of x log2(e).

@@ -43,6 +43,7 @@ pub(super) fn check(medium: &Render, spheres: &[&Render]) -> Outcome<()> {
             (layer.shapes.name().is_some(), layer.shapes.name().unwrap_or_default()),
             (looks::traced_by(layer).is_some_and(|_| !is_matte), "this look"),
             (look.aperture.is_some(), "--aperture"),
+            (layer.cut.name().is_some(), "--cut"),
             (
                 layer.medium.emission.is_some() && args.cache == CacheName::Photons,
                 "--cache photons with --emission",

@@ -135,6 +135,7 @@ impl Job<'_> {
             return Err(Failure::Usage(format!("{name} is for spheres — leave it out with --mode medium")));
         }
         self.args.illustrate.refuse("--mode medium")?;
+        self.args.cut.refuse("--mode medium")?;
         let picture = &self.args.picture;
         layers::asked(picture, &picture.written(0), &Layer::OF_MEDIA)?;
         if picture.stereo.is_some() {

@@ -41,9 +41,13 @@ const INHERITED: [&str; 8] =
 /// Flags of these tables that it has not: what gives off light is one layer.
 const OWN: [&str; 2] = ["emission", "emission-scale"];
 
+/// Flags of these tables that are of the whole picture.
+const OF_ALL: [&str; 2] = ["cut", "cap"];
+
 /// Whether a layer may have a flag of its own.
 pub(super) fn may_have(key: &Key) -> bool {
-    TABLES.contains(&&*key.table) || FLAGS.contains(&&*key.name)
+    let is_of_table = TABLES.contains(&&*key.table) && !OF_ALL.contains(&&*key.name);
+    is_of_table || FLAGS.contains(&&*key.name)
 }
 
 /// What the words of a layer say by themselves. Fails if they make no sense, or say what is of the whole picture.

@@ -6,6 +6,7 @@ mod bench;
 mod bonds;
 mod build;
 mod convert;
+mod cut;
 mod device;
 mod errors;
 mod illustrations;

@@ -79,7 +79,7 @@ pub enum Detail {
 pub struct Pick {
     /// The place in the file of the particle, or of that to which a shape belongs, counted from 0; none of a mesh.
     pub place: Option<u64>,
-    /// Its node: those of shapes stand behind those of the particles.
+    /// Its node: those of shapes stand behind those of the particles, those of caps of what is cut behind all of these.
     pub node: u32,
     /// Distance from the eye along the ray, as in [`Image::depth`].
     pub depth: f32,
@@ -284,9 +284,11 @@ impl Interactive {
     pub fn pick(&self, x: u32, y: u32) -> Option<Pick> {
         let ray = self.view.ray(x as f32 + 0.5, y as f32 + 0.5);
         let structure = self.scene.structure();
-        let particle = structure.intersect(&ray, None).map(|hit| (hit.t, hit.node));
-        let nearest = self.scene.shape_before(&ray, particle.map(|(depth, _)| depth)).or(particle);
-        let (depth, node) = nearest?;
+        let whole = || {
+            let particle = structure.intersect(&ray, None).map(|hit| (hit.t, hit.node));
+            self.scene.shape_before(&ray, particle.map(|(depth, _)| depth)).or(particle)
+        };
+        let (depth, node) = if self.scene.cut().is_some() { self.scene.meet(&ray) } else { whole() }?;
         let position = structure.origin() + (ray.origin + depth * ray.direction).as_dvec3();
         Some(Pick { place: self.scene.place(node), node, depth, position })
     }

@@ -32,6 +32,7 @@ use crate::progress::Progress;
 use crate::scene::Scene;
 use crate::scene::camera::{Camera, View};
 use crate::scene::light::{Lighting, Paths};
+use crate::scene::material::Material;
 use cpu::Film;
 use drawn::Drawn;
 pub use interactive::Interactive;
@@ -97,6 +98,13 @@ impl Settings {
             return Err(Error::setting("samples", samples, "at least 1 a pixel"));
         }
         scene.lighting.check()?;
+        scene.check_cut()?;
+        let is_clear =
+            matches!(scene.lighting, Lighting::Paths(Paths { material: Material::Clear { .. }, .. }));
+        if scene.cut().is_some() && is_clear {
+            let allowed = "left out of clear bodies: light within them is followed through whole spheres";
+            return Err(Error::setting("--cut", "given", allowed));
+        }
         let replicated = scene.structure().replicas().is_some();
         let has_shapes = scene.shapes().is_some();
         match &self.culling {
@@ -105,8 +113,14 @@ impl Settings {
                 "confidence",
                 "off or certified with shapes beside spheres or periodic images",
             )),
+            Culling::Confidence(_) if scene.cut().is_some() => {
+                Err(Error::setting("culling", "confidence", "off or certified where particles are cut"))
+            }
             Culling::Certified(options) if replicated && options.coverage => {
                 Err(Error::setting("certified", "coverage", "without coverage with periodic images"))
+            }
+            Culling::Certified(options) if scene.cut().is_some() && options.coverage => {
+                Err(Error::setting("certified", "coverage", "without coverage where particles are cut"))
             }
             Culling::Off | Culling::Certified(_) => Ok(()),
             Culling::Confidence(options) => {

@@ -18,22 +18,16 @@ pub(super) struct Surface {
     pub(super) sphere: Option<(Vec3, f32)>,
 }
 
-/// Distance and node of what a ray meets first, but for the particle or shape at node `except`.
-pub(super) fn meet(scene: &Scene, ray: &Ray, except: Option<u32>) -> Option<(f32, u32)> {
-    let hit = scene.structure().intersect(ray, except).map(|hit| (hit.t, hit.node));
-    scene.shape_met(ray, hit.map(|(depth, _)| depth), except).or(hit)
-}
-
-/// Whether a ray meets anything but the particle or shape at node `except`.
-pub(super) fn is_blocked(scene: &Scene, ray: &Ray, except: Option<u32>) -> bool {
-    scene.structure().occluded(ray, except) || scene.shape_met(ray, None, except).is_some()
-}
-
 impl Surface {
     /// Where a ray meets the particle or shape at a node, at distance `t`.
     pub(super) fn new(scene: &Scene, ray: &Ray, (t, node): (f32, u32)) -> Self {
         let point = ray.origin + t * ray.direction;
         let structure = scene.structure();
+        if let Some((cut, of)) = scene.cap_of(node) {
+            let normal = cut.normal(point, ray.direction);
+            let color = scene.cap_color(cut, of).into();
+            return Self { node, position: point, normal, color, glow: Vec3::ZERO, sphere: None };
+        }
         if let Some((shapes, own, shift)) = scene.locate_shape(node) {
             let (position, normal) = shapes.shape(own / 2).surface(point - shift, ray.direction);
             let color = shapes.color(own, |owner| scene.color(owner)).into();

@@ -10,6 +10,7 @@ pub mod color;
 pub mod coloring;
 pub mod colormap;
 mod colormap_tables;
+mod cut;
 pub mod element;
 pub mod ellipsoids;
 mod expression;
@@ -43,6 +44,7 @@ use crate::structure::{Structure, by_node};
 #[cfg(feature = "gpu")]
 use color::ColorColumn;
 use color::ParticleColors;
+use cut::Cut;
 use glam::Vec3;
 use light::Lighting;
 use select::Selectable;
@@ -65,6 +67,8 @@ pub struct Scene {
     glow: Option<Frozen<[f32; 3]>>,
     /// By node how far particles move while a picture is taken, if any do.
     motion: Option<Vec<Vec3>>,
+    /// What of it all is left, where that is not all.
+    cut: Option<Cut>,
     /// Quantities that filters may ask for.
     selectables: Vec<Selectable<Column>>,
 }
@@ -87,14 +91,15 @@ impl Scene {
             opacity: None,
             glow: None,
             motion: None,
+            cut: None,
             selectables: Vec::new(),
         }
     }
 
-    /// The same light, colors and background on other arrays, with the same nodes.
+    /// The same light, colors, cut and background on other arrays, with the same nodes.
     fn with(&self, structure: Structure, shapes: Option<Shapes>, opacity: Option<Frozen<f32>>) -> Self {
         let Self { lighting, background, .. } = *self;
-        let colors = self.colors.clone();
+        let (colors, cut) = (self.colors.clone(), self.cut.clone());
         Self {
             lighting,
             background,
@@ -104,6 +109,7 @@ impl Scene {
             opacity,
             glow: self.glow.clone(),
             motion: None,
+            cut,
             selectables: Vec::new(),
         }
     }
@@ -224,9 +230,10 @@ impl Scene {
         best
     }
 
-    /// The place in the file of the particle at a node, or of that to which a shape or its half belongs; none of a mesh.
+    /// The place in the file of the particle at a node, or of that to which a shape or its half belongs, or what a cap is of; none of a mesh.
     #[inline(always)]
     pub(crate) fn place(&self, node: u32) -> Option<u64> {
+        let node = self.cap_of(node).map_or(node, |(_, cut)| cut);
         match self.locate_shape(node) {
             Some((shapes, node, _)) => shapes.particle(node).map(|owner| self.structure.place(owner)),
             None => Some(self.structure.place(node)),

@@ -20,7 +20,7 @@ use rayon::prelude::*;
 
 use crate::error::Result;
 use crate::frozen::Frozen;
-use crate::math::{Bounds, Ray, enter_sphere};
+use crate::math::{Bounds, Ray, enter_sphere, leave_sphere};
 use crate::particles::{Particles, Radii};
 use crate::progress::Progress;
 use crate::source::Source;
@@ -307,6 +307,35 @@ impl Structure {
     /// of the structure only the particles themselves are asked.
     pub fn hits(&self, ray: &Ray, met: &mut dyn FnMut(f32, u32)) -> Option<Hit> {
         each_store!(&self.store, store => store.search(Search::observed(ray, Every(met))))
+    }
+
+    /// Of the particles that hold the place of `ray` at distance `t`, how deep it lies in the one in which it lies deepest, and its node. The depth is the
+    /// power of the point, its sign turned: how far the particle was entered before times how far on it is left. Of equal ones that of the earlier image
+    /// counts, then that with the smaller id.
+    pub(crate) fn deepest(&self, ray: &Ray, t: f32) -> Option<(f32, u32)> {
+        let mut best: Option<(f32, [u32; 2], u32)> = None;
+        let mut ask = |ray: &Ray, first_node: u32| {
+            let mut met = |entered: f32, node: u32| {
+                let (center, radius) = self.own_sphere(node);
+                let left = leave_sphere(ray, center, radius);
+                if t >= left {
+                    return;
+                }
+                let depth = (t - entered) * (left - t);
+                let order = [first_node, self.ids()[node as usize]];
+                if best.is_none_or(|best| depth > best.0 || depth == best.0 && order < best.1) {
+                    best = Some((depth, order, first_node + node));
+                }
+            };
+            each_store!(&self.store, store => store.search(Search::around(ray, t, Every(&mut met))));
+        };
+        match &self.replicas {
+            None => ask(ray, 0),
+            Some(replicas) => {
+                replicas.each_at(&self.own_bounds(), (ray, t), |ray, replica| ask(ray, replica.first_node));
+            }
+        }
+        best.map(|(depth, _, node)| (depth, node))
     }
 
     /// Whether `ray` enters any particle but the one at node `except`.

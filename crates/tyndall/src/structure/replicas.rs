@@ -226,6 +226,12 @@ impl ReplicaTree {
         any.is_met
     }
 
+    /// Calls `ask` for every image of what lies within `bounds` that may hold the place of a ray at distance `t`, with a ray that was moved back.
+    pub(super) fn each_at(&self, bounds: &Bounds, (ray, t): (&Ray, f32), ask: impl FnMut(&Ray, Replica)) {
+        let around = Ray { t_min: t.next_down(), t_max: t.next_up(), ..*ray };
+        self.visit(bounds, &mut Each { ray, around, ask });
+    }
+
     /// By how much an image is moved.
     #[inline(always)]
     pub(crate) fn shift(&self, image: u32) -> Vec3 {
@@ -291,6 +297,26 @@ impl<F: FnMut(&Ray, Replica) -> Option<Hit>> Visitor for Nearest<'_, F> {
                 self.best = Some(hit);
             }
         }
+    }
+}
+
+/// Asks every image that may hold a place on a ray.
+struct Each<'a, F> {
+    ray: &'a Ray,
+    /// The ray close to the place alone.
+    around: Ray,
+    ask: F,
+}
+
+impl<F: FnMut(&Ray, Replica)> Visitor for Each<'_, F> {
+    #[inline(always)]
+    fn near(&self, bounds: &Bounds) -> Option<f32> {
+        enters(&self.around, bounds)
+    }
+
+    #[inline(always)]
+    fn look(&mut self, replica: Replica) {
+        (self.ask)(&Ray { origin: self.ray.origin - replica.shift, ..*self.ray }, replica);
     }
 }
 

@@ -67,6 +67,8 @@ pub(super) struct Search<O: Observer = ()> {
     /// A node that does not count.
     except: Option<u32>,
     wanted: Wanted,
+    /// From where on the ray is of interest: what ends before is passed over, whatever the ray's interval says of where particles are entered.
+    pub(super) t_from: f32,
     /// How far the ray is of interest: to its end, or to the nearest that it has met. What is met just there counts.
     pub(super) t_far: f32,
     /// Distance and node of the nearest that it has met.
@@ -94,10 +96,17 @@ impl<O: Observer> Search<O> {
             inv_direction: ray.inv_direction(),
             except: None,
             wanted: Wanted::Nearest,
+            t_from: ray.t_min,
             t_far: ray.t_max,
             best: None,
             observer,
         }
+    }
+
+    /// For all particles that the line of `ray` has entered at `t` or before, but for those that end before `t`: of these `observer` may be told, too.
+    pub(super) fn around(ray: &Ray, t: f32, observer: O) -> Self {
+        let entered = Ray { t_min: f32::NEG_INFINITY, t_max: t.next_up(), ..*ray };
+        Self { t_from: t, ..Self::observed(&entered, observer) }
     }
 
     /// Tells the observer that so many more nodes were opened and particles tested.

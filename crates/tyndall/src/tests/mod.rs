@@ -2,6 +2,7 @@
 
 mod certified;
 mod culling;
+mod cut;
 mod drawn;
 mod illustration;
 mod interactive;

@@ -15,6 +15,12 @@ pub(super) fn find_block(pass: &Pass, block: usize, tile: &mut Tile, counts: &mu
     let structure = pass.scene.structure();
     for lane in 0..RAYS {
         let ray = tile.ray(&pass.view, block, lane);
+        if pass.scene.cut().is_some() {
+            if let Some(met) = pass.scene.meet(&ray) {
+                (tile.depth[block][lane], tile.node[block][lane]) = met;
+            }
+            continue;
+        }
         // The samples of a pixel lie side by side; the deepest of those before is the clip.
         let earlier = &tile.depth[block][lane - lane % pass.samples..lane];
         let clip = earlier.iter().copied().fold(0.0, f32::max);

@@ -19,8 +19,8 @@ use super::{FILM_PIXELS, Pass};
 use crate::math::Ray;
 use crate::render::certified::Counts;
 use crate::simd::Lanes3;
+use crate::structure::Store;
 use crate::structure::bvh::Bvh;
-use crate::structure::{Store, Structure};
 
 /// Cells along each of the two axes by which surfaces are sorted.
 const CELLS: usize = 16;
@@ -87,6 +87,11 @@ pub(super) fn gather<S: Simd>(
     counts: &mut Counts,
 ) {
     find_facing(simd, layer, toward, scratch);
+    if pass.secondary.cut().is_some() {
+        let is_lit = |ray: &Ray, on: u32| !pass.secondary.is_shadowed(ray, Some(on));
+        ask_single_rays(is_lit, toward, layer, &mut scratch.lanes);
+        return add_light(simd, radiance, layer, scratch);
+    }
     let structure = pass.secondary.structure();
     let replicated = Replicated::of(pass.secondary);
     if let Store::Bvh(bvh) = &structure.store {
@@ -99,7 +104,8 @@ pub(super) fn gather<S: Simd>(
             shadow(simd, bvh, pass, toward, surfaces, scratch, counts);
         }
     } else {
-        ask_single_rays(structure, toward, layer, &mut scratch.lanes);
+        let is_lit = |ray: &Ray, on: u32| !structure.occluded(ray, Some(on));
+        ask_single_rays(is_lit, toward, layer, &mut scratch.lanes);
     }
     match (replicated, pass.secondary.shapes()) {
         (Some(replicated), _) => shadow_of_images(simd, replicated, pass, toward, layer, scratch, counts),
@@ -110,7 +116,12 @@ pub(super) fn gather<S: Simd>(
         }
         (None, None) => {}
     }
+    add_light(simd, radiance, layer, scratch);
+}
 
+/// Adds `radiance` times the cosine to every surface that is lit.
+#[inline(always)]
+fn add_light<S: Simd>(simd: S, radiance: f32, layer: &mut Layer, scratch: &Lit) {
     let zero = f32x16::splat(simd, 0.0);
     for packet in 0..PACKETS {
         if scratch.lanes[packet] != 0 {
@@ -284,15 +295,20 @@ fn put(to: &mut [[f32; RAYS]; 3], to_lane: usize, from: &[[f32; RAYS]; 3], lane:
 const MORTON: [u8; CELLS] =
     [0x00, 0x01, 0x04, 0x05, 0x10, 0x11, 0x14, 0x15, 0x40, 0x41, 0x44, 0x45, 0x50, 0x51, 0x54, 0x55];
 
-/// Clears the bits of surfaces that do not see past every particle: a ray each.
-fn ask_single_rays(structure: &Structure, toward: Vec3, layer: &Layer, lanes: &mut [u16; PACKETS]) {
+/// Clears the bits of surfaces of which `is_lit` says, of a ray and the node where it starts, that they are not lit: a ray each.
+fn ask_single_rays(
+    is_lit: impl Fn(&Ray, u32) -> bool,
+    toward: Vec3,
+    layer: &Layer,
+    lanes: &mut [u16; PACKETS],
+) {
     for (packet, lanes) in lanes.iter_mut().enumerate() {
         let [x, y, z] = &layer.position[packet];
         for lane in 0..RAYS {
             if *lanes >> lane & 1 == 1 {
                 let origin = Vec3::new(x[lane], y[lane], z[lane]);
                 let ray = Ray { origin, direction: toward, t_min: 0.0, t_max: f32::INFINITY };
-                let is_lit = !structure.occluded(&ray, Some(layer.node[packet][lane]));
+                let is_lit = is_lit(&ray, layer.node[packet][lane]);
                 *lanes &= !(u16::from(!is_lit) << lane);
             }
         }

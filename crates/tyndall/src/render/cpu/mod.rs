@@ -468,8 +468,8 @@ fn find_hits<S: Simd>(
     if let Some((frame, pixels)) = culled {
         return confidence::trace(frame, pass, (corner, inside), pixels, (tile, &mut scratch.histogram));
     }
-    if pass.view.panorama {
-        // No plane holds the picture: each ray is asked by itself.
+    if pass.view.panorama || pass.scene.cut().is_some() {
+        // No plane holds a panorama, and no cap is in a box: each ray is asked by itself.
         (0..BLOCKS).for_each(|block| clip::find_block(pass, block, tile, &mut scratch.counts));
         return tile.update_depths(simd);
     }

@@ -65,23 +65,33 @@ pub(in crate::render) struct Touched {
     pub(in crate::render) point: Vec3,
     /// Of unit length.
     pub(in crate::render) normal: Vec3,
-    /// Of the sphere, or of one that touches the shape from within, about; 0 of what is flat.
+    /// Of the sphere, or of one that touches the shape from within, about; 0 of what is flat, caps among it.
     pub(in crate::render) radius: f32,
+    /// The same of what a cap is of; infinite of what is flat otherwise.
+    pub(in crate::render) size: f32,
+    /// Whether it is on a cap.
+    pub(in crate::render) is_cap: bool,
 }
 
 /// What is at `node` near `point`, which was met along `direction`.
 pub(in crate::render) fn touched(scene: &Scene, node: u32, point: Vec3, direction: Vec3) -> Touched {
+    if let Some((cut, node)) = scene.cap_of(node) {
+        let size = touched(scene, node, point, direction).size;
+        return Touched { point, normal: cut.normal(point, direction), radius: 0.0, size, is_cap: true };
+    }
     match scene.locate_shape(node) {
         Some((shapes, node, shift)) => {
             let shape = shapes.shape(node / 2);
             let (point, normal) = shape.surface(point - shift, direction);
-            Touched { point: point + shift, normal, radius: shape.radius() }
+            let radius = shape.radius();
+            let size = if radius > 0.0 { radius } else { f32::INFINITY };
+            Touched { point: point + shift, normal, radius, size, is_cap: false }
         }
         None => {
             let (center, radius) = scene.structure().sphere(node);
             // A sphere so small that rounding leaves no direction faces the eye.
             let normal = (point - center).normalize_or(-direction);
-            Touched { point: center + radius * normal, normal, radius }
+            Touched { point: center + radius * normal, normal, radius, size: radius, is_cap: false }
         }
     }
 }

@@ -8,7 +8,6 @@ use super::tiles::RAYS;
 use crate::scene::Scene;
 use crate::scene::camera::View;
 use crate::simd::Lanes3;
-use crate::structure::shapes::Shape;
 
 /// What sixteen rays met, where they met anything.
 pub(super) struct Met<S: Simd> {
@@ -44,7 +43,7 @@ pub(super) fn look_up<S: Simd>(
     };
     let point = origin.plus(direction.times(depth));
     let structure = scene.structure();
-    let is_plain = structure.replicas().is_none() && scene.shapes().is_none();
+    let is_plain = structure.replicas().is_none() && scene.shapes().is_none() && scene.cut().is_none();
     // Neighboring rays often meet the same particle: it is looked up once for all of them.
     let zero = f32x16::splat(simd, 0.0);
     let mut center = Lanes3 { x: zero, y: zero, z: zero };
@@ -52,17 +51,23 @@ pub(super) fn look_up<S: Simd>(
     let mut color = Lanes3 { x: zero, y: zero, z: zero };
     let nodes = u32x16::load_array_ref(simd, node);
     let mut left = bits;
-    let mut of_shapes: Option<OfShapes> = None;
+    let mut others: Option<Others> = None;
     while left != 0 {
         let node = node[left.trailing_zeros() as usize];
         let same = nodes.simd_eq(u32x16::splat(simd, node));
         left &= !same.to_bitmask();
         let (original, sphere) = if is_plain {
             (node, structure.own_sphere(node))
+        } else if let Some((cut, node)) = scene.cap_of(node) {
+            let lanes = same.to_bitmask() & bits;
+            let cap = |point, direction| (point, cut.normal(point, direction));
+            others.get_or_insert_default().settle(cap, lanes, Vec3::ZERO, (&point, &direction));
+            color = Lanes3::splat(simd, scene.cap_color(cut, node).into()).where_else(same, color);
+            continue;
         } else if let Some((shapes, own, shift)) = scene.locate_shape(node) {
             let lanes = same.to_bitmask() & bits;
-            let of_shapes = of_shapes.get_or_insert_default();
-            of_shapes.settle(shapes.shape(own / 2), lanes, shift, (&point, &direction));
+            let shape = |point, direction| shapes.shape(own / 2).surface(point, direction);
+            others.get_or_insert_default().settle(shape, lanes, shift, (&point, &direction));
             let owned = shapes.color(own, |owner| scene.color(owner));
             color = Lanes3::splat(simd, Vec3::from_array(owned)).where_else(same, color);
             continue;
@@ -82,27 +87,28 @@ pub(super) fn look_up<S: Simd>(
     let normal = normal.where_else(is_clear, Lanes3 { x: -direction.x, y: -direction.y, z: -direction.z });
     let mut position = center.plus(normal.times(radius));
     let mut normal = normal;
-    if let Some(of_shapes) = of_shapes {
-        let is_shape = mask32x16::from_bitmask(simd, of_shapes.lanes);
-        position = Lanes3::load(simd, &of_shapes.position).where_else(is_shape, position);
-        normal = Lanes3::load(simd, &of_shapes.normal).where_else(is_shape, normal);
+    if let Some(others) = others {
+        let is_other = mask32x16::from_bitmask(simd, others.lanes);
+        position = Lanes3::load(simd, &others.position).where_else(is_other, position);
+        normal = Lanes3::load(simd, &others.normal).where_else(is_other, normal);
     }
     Some(Met { hits, position, normal, cosine: -normal.dot(direction), color })
 }
 
-/// Place and normal of surfaces of shapes, by axis and lane; a bit for each lane that has them.
+/// Place and normal of surfaces that are no spheres, by axis and lane; a bit for each lane that has them.
 #[derive(Default)]
-struct OfShapes {
+struct Others {
     lanes: u64,
     position: [[f32; RAYS]; 3],
     normal: [[f32; RAYS]; 3],
 }
 
-impl OfShapes {
-    /// Sets the lanes of the bit mask, which met a shape at `point` along `direction`, in an image that is moved by `shift`.
+impl Others {
+    /// Sets the lanes of the bit mask, which met something at `point` along `direction`, in an image that is moved by `shift`. `surface` says place and
+    /// normal of that near such a point.
     fn settle<S: Simd>(
         &mut self,
-        shape: &Shape,
+        surface: impl Fn(Vec3, Vec3) -> (Vec3, Vec3),
         mut lanes: u64,
         shift: Vec3,
         (point, direction): (&Lanes3<f32x16<S>>, &Lanes3<f32x16<S>>),
@@ -113,7 +119,7 @@ impl OfShapes {
             let lane = lanes.trailing_zeros() as usize;
             lanes &= lanes - 1;
             let at = |columns: &[[f32; RAYS]; 3]| Vec3::from([0, 1, 2].map(|axis| columns[axis][lane]));
-            let (position, normal) = shape.surface(at(&points) - shift, at(&directions));
+            let (position, normal) = surface(at(&points) - shift, at(&directions));
             let position = position + shift;
             for axis in 0..3 {
                 (self.position[axis][lane], self.normal[axis][lane]) = (position[axis], normal[axis]);

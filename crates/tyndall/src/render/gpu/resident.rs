@@ -128,6 +128,10 @@ impl<'a> Content<'a> {
             let allowed = "left out on the GPU; --device cpu draws them";
             return Err(Error::setting("shapes beside spheres", "drawn", allowed));
         }
+        if scene.cut().is_some() {
+            let allowed = "left out on the GPU, which cuts nothing; --device cpu does";
+            return Err(Error::setting("--cut", "given", allowed));
+        }
         if scene.structure().replicas().is_some() {
             let allowed = "1 on the GPU, which draws no periodic images; --device cpu does";
             return Err(Error::setting("--replicate", "more", allowed));

@@ -91,11 +91,14 @@ impl Edges<'_> {
         }
         let place = self.fine.edge_at(front);
         let least = self.least_jump * place;
-        let (normal, mut radius) = self.fine.surface(near);
+        let surface = self.fine.touched(near);
+        let mut radius = surface.size;
         if back - front <= least {
-            let (other, of_other) = self.fine.surface(far);
-            radius = radius.min(of_other);
-            if radius <= least || normal.dot(other) >= CREASE {
+            let other = self.fine.touched(far);
+            radius = radius.min(other.size);
+            // Caps of two particles part where these cut each other.
+            let is_even = surface.normal.dot(other.normal) >= CREASE && !(surface.is_cap && other.is_cap);
+            if radius <= least || is_even {
                 return None;
             }
         }

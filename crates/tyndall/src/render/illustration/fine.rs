@@ -1,7 +1,5 @@
 //! What a part of a picture shows at places finer than its pixels: a ray each, in the middle of the place.
 
-use glam::Vec3;
-
 use crate::error::Result;
 use crate::film::Window;
 use crate::render::cpu::seen::{Touched, touched};
@@ -62,7 +60,7 @@ impl<'a> Fine<'a> {
 
     /// The depth at which a ray would graze what a place shows: that of its silhouette, as near as it may be.
     pub(super) fn silhouette(&self, place: usize) -> f32 {
-        let Touched { point, normal, radius } = self.touched(place);
+        let Touched { point, normal, radius, .. } = self.touched(place);
         let offset = point - radius * normal - self.view.eye;
         let grazed = match self.view.perspective {
             true => (offset.length_squared() - radius * radius).max(0.0).sqrt(),
@@ -71,13 +69,8 @@ impl<'a> Fine<'a> {
         grazed.max(self.depth[place])
     }
 
-    /// The unit normal of what a place shows, and its radius; what is flat is part of something large.
-    pub(super) fn surface(&self, place: usize) -> (Vec3, f32) {
-        let Touched { normal, radius, .. } = self.touched(place);
-        (normal, if radius > 0.0 { radius } else { f32::INFINITY })
-    }
-
-    fn touched(&self, place: usize) -> Touched {
+    /// The surface that a place shows.
+    pub(super) fn touched(&self, place: usize) -> Touched {
         let [column, row] = [place % self.width(), place / self.width()].map(|it| it as f32 + 0.5);
         let ray = self.view.ray(self.window.x as f32 + column, self.window.y as f32 + row);
         let point = ray.origin + self.depth[place] * ray.direction;

@@ -9,10 +9,10 @@ use super::field::sample;
 use crate::math::{Bounds, Ray};
 use crate::medium::grid::Lattice;
 use crate::pages;
-use crate::render::surface::{self, Surface};
+use crate::render::surface::Surface;
 use crate::scene::Scene;
 
-/// The particles and shapes of a scene as matte bodies, measured from the same origin as the medium. Lights, looks and background of the scene do not matter.
+/// The particles and shapes of a scene as matte bodies, measured from the same origin as the medium. Lights, looks and background of the scene do not matter; it must not be cut.
 #[derive(Clone, Copy)]
 pub struct Solids<'a> {
     scene: &'a Scene,
@@ -44,13 +44,13 @@ impl<'a> Solids<'a> {
 
     /// The distance at which a ray meets a surface, and the surface, but that of node `except`.
     pub(super) fn meet(&self, ray: &Ray, except: Option<u32>) -> Option<(f32, Surface)> {
-        let met = surface::meet(self.scene, ray, except)?;
+        let met = self.scene.enter(ray, except)?;
         Some((met.0, Surface::new(self.scene, ray, met)))
     }
 
     /// Whether a ray meets anything but node `except`.
     pub(super) fn block(&self, ray: &Ray, except: Option<u32>) -> bool {
-        surface::is_blocked(self.scene, ray, except)
+        self.scene.is_shadowed(ray, except)
     }
 
     /// Mean color.

@@ -17,7 +17,7 @@ use glam::Vec3;
 
 use super::sampling::{Dimension, shuffled_point};
 use super::shade::{in_cone, sky_brightness};
-use super::surface::{self, Surface};
+use super::surface::Surface;
 use crate::math::Ray;
 use crate::random::Stream;
 use crate::scene::Scene;
@@ -75,11 +75,6 @@ impl<'a> Tracer<'a> {
             key_density: 1.0 / solid_angle,
             key_cosine: angle.cos(),
         }
-    }
-
-    /// What a ray meets first, but for the particle or shape at node `except`.
-    pub(super) fn meet(&self, ray: &Ray, except: Option<u32>) -> Option<(f32, u32)> {
-        surface::meet(self.scene, ray, except)
     }
 
     /// RGB radiance toward the origin of `ray`, which meets a node at a distance.
@@ -148,7 +143,7 @@ impl<'a> Tracer<'a> {
     /// The surface that is met from another in a direction, if any.
     fn leave(&self, origin: Vec3, direction: Vec3, from: u32) -> Option<Surface> {
         let ray = Ray { origin, direction, t_min: 0.0, t_max: f32::INFINITY };
-        Some(Surface::new(self.scene, &ray, self.meet(&ray, Some(from))?))
+        Some(Surface::new(self.scene, &ray, self.scene.enter(&ray, Some(from))?))
     }
 
     /// Light of the key light that a surface throws on.
@@ -162,7 +157,7 @@ impl<'a> Tracer<'a> {
             return Vec3::ZERO;
         }
         let ray = Ray { origin: surface.position, direction: toward, t_min: 0.0, t_max: f32::INFINITY };
-        if surface::is_blocked(self.scene, &ray, Some(surface.node)) {
+        if self.scene.is_shadowed(&ray, Some(surface.node)) {
             return Vec3::ZERO;
         }
         thrown.share * (self.key_radiance / (self.key_density + thrown.density))

@@ -63,7 +63,7 @@ const STACK: usize = LEVELS * WIDTH;
 fn walk<S: Simd, O: Observer>(simd: S, bvh: &Bvh, search: &mut Search<O>) {
     let Some(root) = bvh.root() else { return };
     let slabs = Slabs::new(simd, (bvh.bounds(), bvh.slack), search.ray(), search.inv_direction);
-    let t_min = search.ray().t_min;
+    let t_from = search.t_from;
     let mut stack = [Entry(0); STACK];
     let mut top = 0;
     let mut next = Entry::new(0.0, root);
@@ -85,7 +85,7 @@ fn walk<S: Simd, O: Observer>(simd: S, bvh: &Bvh, search: &mut Search<O>) {
             // Meet the eight boxes at once.
             search.visit(1, 0);
             let (enter, leave) = slabs.cross(simd, bvh.node(place));
-            let enter = enter.max(f32x8::splat(simd, t_min));
+            let enter = enter.max(f32x8::splat(simd, t_from));
             let leave = leave.min(f32x8::splat(simd, search.t_far));
             let mut kept = enter.simd_le(leave).to_bitmask() as u32 & bvh.shown_children(place);
             if kept != 0 {

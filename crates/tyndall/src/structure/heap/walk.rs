@@ -64,7 +64,7 @@ pub(in crate::structure) fn walk<S: Simd, O: Observer>(
     let levels = upper_levels(count) as u16;
     let mut region = Region {
         levels,
-        t_near: to_min.min(to_max).max_element().max(ray.t_min),
+        t_near: to_min.min(to_max).max_element().max(search.t_from),
         t_far: to_min.max(to_max).min_element(),
         ..Region::NONE
     };

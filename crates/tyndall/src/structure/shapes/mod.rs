@@ -19,7 +19,7 @@ use glam::{DVec3, Vec3};
 
 use super::Structure;
 use super::bvh::{Bvh, Packing};
-use super::search::{Search, Within};
+use super::search::{Every, Search, Within};
 use crate::error::{Error, Result};
 use crate::math::{Bounds, Ray};
 use crate::structure::build::Record;
@@ -127,6 +127,26 @@ impl Shape {
     fn meet(&self, ray: &Ray) -> Option<(f32, bool)> {
         let Entry { t, is_second, meets } = self.enter(&Line::from(ray));
         (meets && ray.t_min < t && t < ray.t_max).then_some((t, is_second))
+    }
+}
+
+impl Shape {
+    /// Where the line of a ray enters and leaves it, if it does; what is flat is not entered.
+    fn chord(&self, ray: &Ray) -> Option<[f32; 2]> {
+        if matches!(self, Self::Triangle(_)) {
+            return None;
+        }
+        let back = Ray { direction: -ray.direction, ..*ray };
+        let (enter, leave) = (self.enter(&Line::from(ray)), self.enter(&Line::from(&back)));
+        (enter.meets && leave.meets).then_some([enter.t, -leave.t])
+    }
+
+    /// Whether a point within it lies in its second half.
+    fn is_second_at(&self, point: Vec3) -> bool {
+        match self {
+            Self::Cylinder(cylinder) => (point - cylinder.middle).dot(cylinder.axis) > 0.0,
+            Self::Cone(_) | Self::Ellipsoid(_) | Self::Superquadric(_) | Self::Triangle(_) => false,
+        }
     }
 }
 
@@ -376,6 +396,27 @@ impl Shapes {
             best.map_or(f32::INFINITY, |(t, _)| 1.000_01 * (t + back))
         };
         self.bvh.search(Search::observed(&from_behind, Within(&mut met)));
+        best
+    }
+
+    /// Of the shapes that hold the place of a ray at distance `t`, how deep it lies in the one in which it lies deepest, and its node, counted from 0: see
+    /// [`Structure::deepest`].
+    pub(crate) fn deepest(&self, ray: &Ray, t: f32) -> Option<(f32, u32)> {
+        let point = ray.origin + t * ray.direction;
+        let mut best: Option<(f32, u32)> = None;
+        let mut met = |_: f32, place: u32| {
+            let number = self.at(place);
+            let shape = self.shape(number);
+            let Some([enter, leave]) = shape.chord(ray).filter(|[enter, leave]| *enter <= t && t < *leave)
+            else {
+                return;
+            };
+            let found = ((t - enter) * (leave - t), 2 * number + u32::from(shape.is_second_at(point)));
+            if best.is_none_or(|best| found.0 > best.0 || found.0 == best.0 && found.1 < best.1) {
+                best = Some(found);
+            }
+        };
+        self.bvh.search(Search::around(ray, t, Every(&mut met)));
         best
     }
 

@@ -234,7 +234,7 @@ fn walk<S: Simd, O: Observer>(simd: S, treelets: &Treelets, search: &mut Search<
     if treelets.nodes.is_empty() {
         return;
     }
-    let t_min = search.ray().t_min;
+    let t_from = search.t_from;
     let slabs = Slabs::new(simd, (treelets.bounds, treelets.slack), search.ray(), search.inv_direction);
     let mut regions = Stack::default();
     let mut stack = [(0.0_f32, Child::Node(0)); STACK];
@@ -260,7 +260,7 @@ fn walk<S: Simd, O: Observer>(simd: S, treelets: &Treelets, search: &mut Search<
         // Meet the eight boxes at once.
         search.visit(1, 0);
         let (enter, leave) = slabs.cross(simd, &treelets.nodes[place]);
-        let enter = enter.max(f32x8::splat(simd, t_min));
+        let enter = enter.max(f32x8::splat(simd, t_from));
         let leave = leave.min(f32x8::splat(simd, search.t_far));
         let children = &treelets.children[place];
         let mut kept = enter.simd_le(leave).to_bitmask() as u32 & u32::from(children.existing);
