@@ -251,7 +251,7 @@ pub(crate) struct Picture {
     #[arg(long, value_name = "X,Y,WIDTH,HEIGHT", value_parser = crate::values::window)]
     pub(crate) crop: Option<Window>,
     /// Layers of an EXR beside its colors: alpha, depth, id (the place in the file), normal, position, albedo (colors without light), direct
-    /// (the key light alone), ambient (the sky alone), value (the numbers that --color shows), of a medium transmittance; beauty is always
+    /// (the key light alone), ambient (the sky alone; neither with --light), value (the numbers that --color shows), of a medium transmittance; beauty is always
     /// there [default: depth,id, of a medium transmittance too]
     #[arg(
         long,
@@ -267,7 +267,8 @@ pub(crate) struct Picture {
     /// Distance of the eyes [default: a thirtieth of that of what the camera looks at]
     #[arg(long, value_name = "LENGTH", value_parser = length, allow_hyphen_values = true, requires = "stereo")]
     pub(crate) eye_separation: Option<f32>,
-    /// Behind the particles: white, black, none (transparent), #rrggbb, a color's name; of a medium also sky [default: white, of a medium black]
+    /// Behind the particles: white, black, none (transparent), #rrggbb, a color's name; sky, what lights a medium, or with --light the
+    /// spheres [default: white, of a medium black]
     #[arg(long, value_name = "COLOR")]
     pub(crate) background: Option<Background>,
     /// Short for --background none

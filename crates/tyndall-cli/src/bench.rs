@@ -143,7 +143,12 @@ impl<'a> Bench<'a> {
                 camera.view(scene.structure().origin(), self.args.size.width, self.args.size.height)?;
             let studio = Lighting::studio(view.forward, view.right, view.up);
             let headlight = Lighting::Headlight;
-            let lights = [(headlight, 1, 5), (headlight, 16, 3), (sky_only(studio), 16, 3), (studio, 16, 3)];
+            let lights = [
+                (headlight.clone(), 1, 5),
+                (headlight, 16, 3),
+                (sky_only(studio.clone()), 16, 3),
+                (studio, 16, 3),
+            ];
             let mut times = [0.0; 4];
             for (secs, (lighting, samples, runs)) in times.iter_mut().zip(lights) {
                 scene.lighting = lighting;

@@ -7,6 +7,7 @@ use tyndall::scene::coloring::{self, linear};
 use crate::args;
 use crate::looks::LightLook;
 use crate::report::{Failure, Outcome};
+use crate::values::Background;
 
 /// Lines, rims, and what fades with depth.
 #[derive(Args)]
@@ -96,6 +97,15 @@ pub(crate) fn illustration(args: &args::Render) -> Outcome<Illustration> {
     if given.depth_range.is_some() && halo.is_none() && depth_cue.is_none() {
         let text = "--depth-range is that of --depth-cue and --halo — give one of them too";
         return Err(Failure::Usage(text.into()));
+    }
+    let fades = [("--halo", halo.is_some_and(|it| it.color.is_none())), ("--depth-cue", depth_cue.is_some())];
+    if args.picture.background == Some(Background::Sky)
+        && let Some((flag, _)) = fades.iter().find(|(_, is_given)| *is_given)
+    {
+        let text = format!(
+            "{flag} fades into a background of one color, --background sky has many — give --halo-color, or another background"
+        );
+        return Err(Failure::Usage(text));
     }
     let illustration = Illustration { contours, halo, depth_cue, depths: given.depth_range };
     let without_edges = [

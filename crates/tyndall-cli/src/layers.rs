@@ -6,7 +6,7 @@ use clap::ValueEnum;
 use tyndall::Particles;
 use tyndall::film::Surface;
 use tyndall::scene::coloring::Coloring;
-use tyndall::scene::light::{KeyLight, Lighting, Paths, Sky};
+use tyndall::scene::light::{KeyLight, Lighting, Lights, Paths, Sky};
 use tyndall::scene::quantity::Quantity;
 use tyndall::{Error, Image};
 use tyndall_io::write;
@@ -90,19 +90,19 @@ impl Layer {
         Ok(match (self, own) {
             (Self::Albedo, _) => Some(Lighting::Flat),
             (Self::Direct, Lighting::Studio(key, sky)) => Some(Lighting::Studio(*key, dark(sky))),
-            (Self::Direct, Lighting::Paths(paths)) => {
-                Some(Lighting::Paths(Paths { sky: dark(&paths.sky), ..*paths }))
+            (Self::Direct, Lighting::Paths(paths @ Paths { lights: Lights::Studio(key, sky), .. })) => {
+                let lights = Lights::Studio(*key, dark(sky));
+                Some(Lighting::Paths(Paths { lights, ..paths.clone() }))
             }
             (Self::Ambient, Lighting::Studio(key, sky)) => {
                 Some(Lighting::Studio(KeyLight { strength: 0.0, ..*key }, *sky))
             }
-            (Self::Ambient, Lighting::Paths(paths)) => {
-                let key = KeyLight { strength: 0.0, ..paths.key };
-                Some(Lighting::Paths(Paths { key, ..*paths }))
+            (Self::Ambient, Lighting::Paths(paths @ Paths { lights: Lights::Studio(key, sky), .. })) => {
+                let lights = Lights::Studio(KeyLight { strength: 0.0, ..*key }, *sky);
+                Some(Lighting::Paths(Paths { lights, ..paths.clone() }))
             }
             (Self::Direct | Self::Ambient, _) => {
-                let allowed =
-                    "direct and ambient light are those of looks other than headlight, flat and toon";
+                let allowed = "direct and ambient light are those of key light and sky, which headlight, flat and toon have not, nor an image";
                 return Err(Error::setting("--layers", self.name(), allowed).into());
             }
             _ => None,

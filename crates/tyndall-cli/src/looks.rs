@@ -5,12 +5,13 @@ use tyndall::scene::bonding::Bonding;
 use tyndall::scene::camera::Camera;
 use tyndall::scene::coloring::{self, Coloring, Mapping, Norm, Range};
 use tyndall::scene::colormap::Colormap;
-use tyndall::scene::light::Lens;
+use tyndall::scene::light::{Lens, Lights};
 use tyndall::scene::looks::{self, Adjustments};
 use tyndall::scene::short;
 use tyndall::{Error, Result};
 
 use crate::args;
+use crate::lights;
 use crate::medium::args::MethodName;
 use crate::report::counted;
 use crate::values::{Focus, length};
@@ -196,8 +197,8 @@ pub(crate) fn look(name: LightLook) -> Option<looks::Look> {
     })
 }
 
-/// What is said beside its name, for a camera.
-pub(crate) fn adjustments(args: &args::Render, camera: &Camera) -> Adjustments {
+/// What is said beside its name, for a camera; `lights` are in place of its own.
+pub(crate) fn adjustments(args: &args::Render, camera: &Camera, lights: Option<Lights>) -> Adjustments {
     let forward = (camera.look_at - camera.eye).normalize_or_zero();
     let lens = args.look.aperture.map(|radius| {
         let point = match args.look.focus {
@@ -209,7 +210,7 @@ pub(crate) fn adjustments(args: &args::Render, camera: &Camera) -> Adjustments {
     });
     let Look { bounces, roughness, refraction, .. } = args.look;
     let traced = args.medium.method == MethodName::Reference;
-    Adjustments { traced, bounces, roughness, index: refraction, lens }
+    Adjustments { traced, lights, bounces, roughness, index: refraction, lens }
 }
 
 /// The option that has light traced by paths, if one does.
@@ -219,6 +220,7 @@ pub(crate) fn traced_by(args: &args::Render) -> Option<&'static str> {
         LightLook::Headlight | LightLook::Flat | LightLook::Toon => None,
         LightLook::Default if look.aperture.is_some() => Some("--aperture"),
         LightLook::Default if look.bounces.is_some() => Some("--bounces"),
+        LightLook::Default if !args.medium.lights.is_empty() => Some("--light"),
         LightLook::Default if args.medium.method == MethodName::Reference => Some("--method path"),
         LightLook::Default => None,
         _ => Some("this look"),
@@ -249,6 +251,7 @@ pub(crate) fn description(args: &args::Render) -> Option<String> {
 
 /// Fails if a look is adjusted in what it has not.
 pub(crate) fn check(args: &args::Render) -> Result<()> {
+    lights::check(args)?;
     let look = &args.look;
     let is_traced = traced_by(args).is_some();
     let (has_roughness, has_index) = match look.look {

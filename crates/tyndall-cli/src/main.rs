@@ -23,6 +23,7 @@ mod info;
 mod input;
 mod json;
 mod layers;
+mod lights;
 mod looks;
 mod medium;
 mod metadata;

@@ -19,7 +19,7 @@ use tyndall::scene::coloring::{Mapping, Norm, Range};
 use tyndall::scene::ellipsoids::Ellipsoids;
 use tyndall::scene::guesses::{Guesses, Shown};
 use tyndall::scene::joined::Part;
-use tyndall::scene::light::Lighting;
+use tyndall::scene::light::{Lighting, Lights};
 use tyndall::scene::motion::displacements;
 use tyndall::scene::opacity::opacities;
 use tyndall::scene::outline::Outline;
@@ -48,7 +48,8 @@ use crate::shot::{self, Shot};
 use crate::sources::{self, Sources, Together};
 use crate::values::{Background, Degrees};
 use crate::{
-    ahead, culling, cut, dry_run, illustrate, input, looks, medium, metadata, progress, project, structure,
+    ahead, culling, cut, dry_run, illustrate, input, lights, looks, medium, metadata, progress, project,
+    structure,
 };
 
 /// Renders what the command line asks for.
@@ -136,6 +137,7 @@ struct Job<'a> {
     is_structure_asked_for: bool,
     viewpoint: Viewpoint,
     background: Option<[f32; 3]>,
+    lights: Option<Lights>,
     illustration: Illustration,
     pattern: Pattern,
     layers: &'a [Layer],
@@ -215,10 +217,8 @@ impl<'a> Job<'a> {
         let background = match background.unwrap_or(Background::Color([1.0; 3])) {
             Background::Nothing => None,
             Background::Color(color) => Some(color),
-            Background::Sky => {
-                let allowed = "a color or none; sky is for --mode medium";
-                return Err(Error::setting("--background", "sky", allowed).into());
-            }
+            // What lights the particles is behind them.
+            Background::Sky => None,
         };
         Ok(Self {
             args,
@@ -228,6 +228,7 @@ impl<'a> Job<'a> {
             is_structure_asked_for,
             viewpoint: viewpoint(args)?,
             background: background.filter(|_| args.picture.is_opaque()),
+            lights: lights::of_spheres(args, report)?,
             illustration: illustrate::illustration(args)?,
             pattern: Pattern::new(&args.picture.output),
             layers: layers::asked(&args.picture, &args.picture.written(0), &Layer::OF_SPHERES)?,
@@ -573,7 +574,7 @@ impl<'a> Job<'a> {
             self.set_light(&mut scene, dropped, &camera)?;
             let annotated = Annotated {
                 camera,
-                behind: self.background.map_or(Behind::Nothing, Behind::Color),
+                behind: self.behind(),
                 colors: (legend.as_ref(), &color_text),
                 frame: number,
                 time: (time, time_unit),
@@ -597,7 +598,7 @@ impl<'a> Job<'a> {
             let since = if place == 0 { start } else { rendering };
             if let Some(rows) = self.band_rows(&picture.path) {
                 let band = |first| shot.band(&scene, &camera, first, rows);
-                let of_band = (self.background.is_none(), &options);
+                let of_band = (matches!(self.behind(), Behind::Nothing), &options);
                 if !output.write_bands(&picture.path, of_band, band, || since.elapsed())? {
                     return Err(self.unseen(&scene, dropped, &camera));
                 }
@@ -655,6 +656,15 @@ impl<'a> Job<'a> {
         }
     }
 
+    /// What is behind the particles.
+    fn behind(&self) -> Behind {
+        match (self.background, &self.lights) {
+            (Some(color), _) => Behind::Color(color),
+            (None, Some(Lights::Image { is_seen: true, .. })) => Behind::Picture,
+            (None, _) => Behind::Nothing,
+        }
+    }
+
     /// Lights the scene for a camera. Fails if there is nothing to light.
     fn set_light(&self, scene: &mut Scene, dropped: u64, camera: &Camera) -> Outcome<()> {
         let Settings { width, height, .. } = self.settings;
@@ -662,7 +672,7 @@ impl<'a> Job<'a> {
         if scene.structure().is_empty() {
             return Err(Failure::Unseen(why_unseen(scene.structure(), dropped, &view)));
         }
-        let adjustments = looks::adjustments(self.args, camera);
+        let adjustments = looks::adjustments(self.args, camera, self.lights.clone());
         let axes = [view.forward, view.right, view.up];
         scene.lighting = looks::look(self.args.look.look).unwrap_or_default().lighting(axes, &adjustments);
         Ok(())
@@ -758,6 +768,7 @@ impl<'a> Job<'a> {
         guesses.push(format!("{width}x{height}, {samples} samples"));
         guesses.extend(looks::description(self.args));
         guesses.extend(self.args.cut.description());
+        guesses.extend(self.lights.as_ref().and_then(lights::description));
         if self.settings.culling != Culling::default() {
             guesses.push(culling::description(&self.settings.culling));
         }

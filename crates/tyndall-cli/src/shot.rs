@@ -124,8 +124,7 @@ impl Shot<'_> {
                 channels.push(numbers.channel(&image.id));
             }
             if let Some(light) = layer.light(&scene.lighting)? {
-                let own = (scene.lighting, scene.background);
-                (scene.lighting, scene.background) = (light, None);
+                let own = (std::mem::replace(&mut scene.lighting, light), scene.background.take());
                 let lit = match window {
                     None => (self.whole)(scene, camera),
                     Some(_) => self.part(scene, camera, settings, window).map(|(image, _)| image),

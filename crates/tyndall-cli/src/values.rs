@@ -179,7 +179,7 @@ pub(crate) enum Background {
     Nothing,
     /// Linear RGB.
     Color([f32; 3]),
-    /// The lights all around.
+    /// The lights all around: those of a medium, or the image that lights spheres.
     Sky,
 }
 
@@ -194,7 +194,7 @@ impl FromStr for Background {
             _ => Err(Error::setting(
                 "--background",
                 text,
-                "white, black, none, #rrggbb or the name of a color in CSS",
+                "white, black, none, sky, #rrggbb or the name of a color in CSS",
             )),
         }
     }

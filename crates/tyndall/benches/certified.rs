@@ -49,7 +49,7 @@ fn measure(set: &str) {
         for (name, lighting, samples) in [
             ("headlight, 16", Lighting::Headlight, 16),
             ("headlight, 64", Lighting::Headlight, 64),
-            ("default look, 16", studio, 16),
+            ("default look, 16", studio.clone(), 16),
             ("default look, 64", studio, 64),
         ] {
             scene.lighting = lighting;

@@ -29,6 +29,7 @@
 //! ```
 
 mod curve;
+pub mod environment;
 pub mod error;
 pub mod film;
 pub mod frozen;

@@ -68,7 +68,7 @@ pub(crate) struct Medium {
     /// Mean cosine of scattering, between -1 (back) and 1 (forward) [default: 0]
     #[arg(long, visible_alias = "g", value_name = "G", allow_hyphen_values = true)]
     pub(crate) phase_g: Option<f32>,
-    /// A light: sun:X,Y,Z:E (travels along X,Y,Z, irradiance E), point:X,Y,Z:I (intensity I), spot:X,Y,Z:X,Y,Z:DEGREES:I (where it is, where it shines, half the cone), sky:L (radiance L), image:FILE or image:S:FILE (all around, from an equirectangular EXR or Radiance HDR picture, times S; --up is up in it); numbers or R,G,B; may be repeated [default: a sun from the upper left, and a sky]
+    /// A light: sun:X,Y,Z:E (travels along X,Y,Z, irradiance E), point:X,Y,Z:I (intensity I), spot:X,Y,Z:X,Y,Z:DEGREES:I (where it is, where it shines, half the cone), sky:L (radiance L), image:FILE or image:S:FILE (all around, from an equirectangular EXR or Radiance HDR picture, times S; --up is up in it); numbers or R,G,B; may be repeated. Of spheres one image or sky, in place of the look's own lights, which light follows from particle to particle (path tracing); --background sky shows it [default: a sun from the upper left, and a sky]
     #[arg(long = "light", value_name = "LIGHT", allow_hyphen_values = true)]
     pub(crate) lights: Vec<LightSpec>,
     /// How light is found: march (illumination cache and ray march) or reference (path tracer without bias, also called path); of spheres path
@@ -106,7 +106,7 @@ pub(crate) struct Medium {
     /// Length of a step of the march, in grid spacings
     #[arg(long, value_name = "S", default_value = "2", value_parser = positive, allow_hyphen_values = true)]
     pub(crate) step: f32,
-    /// Brightness in stops: each doubles the light
+    /// Brightness in stops: each doubles the light; of spheres that of --light
     #[arg(long, value_name = "EV", default_value_t = 0.0, allow_hyphen_values = true)]
     pub(crate) exposure: f32,
     /// Writes how many particles the grid points used, and what was chosen for the density, as JSON

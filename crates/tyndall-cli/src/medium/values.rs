@@ -197,6 +197,32 @@ impl LightSpec {
         })
     }
 
+    /// Whether it comes from all around.
+    pub(crate) fn is_all_around(&self) -> bool {
+        matches!(self, Self::Sky(_) | Self::Image(..))
+    }
+
+    /// The word with which it begins.
+    pub(crate) fn kind(&self) -> &'static str {
+        match self {
+            Self::Sun(..) => "sun",
+            Self::Point(..) => "point",
+            Self::Spot(..) => "spot",
+            Self::Sky(_) => "sky",
+            Self::Image(..) => "image",
+        }
+    }
+
+    /// The same, so many times as bright where it comes from all around.
+    pub(crate) fn times(&self, factor: f32) -> Self {
+        let scaled = |rgb: &[f32; 3]| rgb.map(|value| factor * value);
+        match self {
+            Self::Sky(light) => Self::Sky(scaled(light)),
+            Self::Image(of_file, file) => Self::Image(scaled(of_file), file.clone()),
+            other => other.clone(),
+        }
+    }
+
     fn image(factor: [f32; 3], file: &Path) -> Result<Environment> {
         if let Some(bad) = factor.iter().find(|it| !(0.0..f32::INFINITY).contains(*it)) {
             return Err(Error::setting("--light", bad, "an image times a finite number of at least 0"));

@@ -1,5 +1,6 @@
 //! Looks that are traced by paths, lenses, and samples by noise and time.
 
+use super::medium::hdr;
 use super::{Folder, dump, line_of, png};
 
 #[test]
@@ -97,6 +98,53 @@ fn what_a_look_has_not_is_refused() {
         ("--mode medium --time 1s", ["--time", "for spheres"]),
     ] {
         folder.render(&format!("a.xyz -o a.png {words}")).fails(2, &parts);
+    }
+}
+
+#[test]
+fn an_image_lights_spheres_and_is_seen_behind_them() {
+    let folder = Folder::new();
+    folder.file("a.xyz", line_of(1));
+    // 128 * 2^(127 - 136) = 0.25, which is 137 in sRGB; four times that is white.
+    folder.file("even.hdr", hdr([128, 128, 128, 127]));
+    let render = |name: &str, rest: &str| {
+        folder.render(&format!("a.xyz -o {name} --ortho 3 --radius 1 --color #fff {rest}")).fine()
+    };
+    let is_all = |name: &str, level: u8| {
+        let (pixels, kind, _) = png(&folder.path(name));
+        assert!(kind == png::ColorType::Rgb, "{name} is opaque");
+        assert!(pixels.iter().all(|it| it.abs_diff(level) <= 1), "{name}: {:?}", pixels.iter().min());
+    };
+    let said = render("a.png", "--light image:even.hdr --background sky");
+    assert!(
+        said.contains("look default by paths of 4 bounces · lit by an image of mean radiance 0.25"),
+        "{said}"
+    );
+    is_all("a.png", 137);
+    render("b.png", "--light image:2:even.hdr --exposure 1 --look clay --roughness 0 --background white");
+    is_all("b.png", 255);
+    // As a sky of the same radiance, and again from what the picture says of itself.
+    let said = render("c.png", "--light sky:0.1,0.1,0.1 --background sky");
+    let told = "note: the mean radiance of the light is 0.1; --exposure 2.6 makes it 0.6";
+    assert!(said.contains(told) && said.contains("light all around of mean radiance 0.1"), "{said}");
+    render("d.png", "--light sky:0.25 --background sky --look glass");
+    is_all("d.png", 137);
+    folder.line("render --again a.png -o e.png").fine();
+    assert!(png(&folder.path("e.png")).0 == png(&folder.path("a.png")).0);
+    for (words, code, parts) in [
+        ("--light image:no.hdr", 3, ["no.hdr", "No such file"]),
+        ("--look flat --light sky:1", 2, ["--light", "other than headlight, flat and toon"]),
+        ("--light sun:0,0,-1", 2, ["--light cannot be 'sun'", "image:FILE or sky:RADIANCE for spheres"]),
+        ("--light sky:1 --light sky:2", 2, ["--light", "one image or sky"]),
+        ("--light sky:-1", 2, ["radiance", "not negative"]),
+        ("--background sky", 2, ["--background", "--light image:FILE"]),
+        ("--exposure 1", 2, ["--exposure", "--light image:FILE"]),
+        ("--light sky:1 --device gpu", 2, ["--device", "--light"]),
+        ("--light sky:1 --background sky --depth-cue", 2, ["--depth-cue", "--background sky"]),
+        ("--light sky:1 --layers direct -o f.exr", 2, ["--layers", "nor an image"]),
+    ] {
+        let output = if words.contains("-o") { "" } else { "-o f.png" };
+        folder.render(&format!("a.xyz {words} {output}")).fails(code, &parts);
     }
 }
 

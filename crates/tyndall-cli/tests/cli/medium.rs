@@ -319,7 +319,9 @@ fn a_medium_that_cannot_be_is_refused() {
     folder
         .render(&format!("{CLOUD} --eye 0,0,500 --look-at 0,0,900 -o a.png"))
         .fails(3, &["nothing of the medium"]);
-    folder.render("synthetic:packed?n=9 --background sky -o a.png").fails(2, &["--background", "medium"]);
+    folder
+        .render("synthetic:packed?n=9 --background sky -o a.png")
+        .fails(2, &["--background", "--light image"]);
     assert!(!folder.path("a.png").exists());
 }
 
@@ -427,7 +429,7 @@ fn statistics_of_the_density_are_told_as_json() {
 }
 
 /// A Radiance picture of 64 x 32 pixels, `light` all over.
-fn hdr(light: [u8; 4]) -> Vec<u8> {
+pub(super) fn hdr(light: [u8; 4]) -> Vec<u8> {
     [b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 32 +X 64\n", &light.repeat(64 * 32)[..]].concat()
 }
 

@@ -9,7 +9,7 @@ use glam::{IVec3, Vec3};
 use rayon::prelude::*;
 
 use super::grid::{BRICK, Brick, CORE_SAMPLES, Grid, Lattice};
-use super::light::brightness;
+use crate::environment::brightness;
 use crate::error::{Error, Result};
 
 /// What matter emits, and whether it absorbs too.

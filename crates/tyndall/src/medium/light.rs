@@ -9,7 +9,8 @@ use std::f32::consts::{PI, TAU};
 
 use glam::Vec3;
 
-pub use super::environment::Environment;
+pub use crate::environment::Environment;
+use crate::environment::{Sun, brightness, sphere};
 use crate::error::{Error, Result};
 use crate::math::Bounds;
 
@@ -85,6 +86,12 @@ impl Directional {
     /// Where it travels.
     pub fn along(&self) -> Vec3 {
         self.along
+    }
+}
+
+impl From<Sun> for Directional {
+    fn from(Sun { along, irradiance }: Sun) -> Self {
+        Self { along, irradiance }
     }
 }
 
@@ -254,14 +261,6 @@ fn entry(bounds: &Bounds, along: Vec3, random: [f32; 2]) -> Vec3 {
     bounds.min + share * bounds.extent()
 }
 
-/// A direction uniform on the sphere.
-pub(super) fn sphere(random: [f32; 2]) -> Vec3 {
-    let z = 1.0 - 2.0 * random[0];
-    let across = (1.0 - z * z).max(0.0).sqrt();
-    let (sin_around, cos_around) = (TAU * random[1]).sin_cos();
-    Vec3::new(across * cos_around, across * sin_around, z)
-}
-
 fn direction(along: Vec3) -> Result<Vec3> {
     along
         .try_normalize()
@@ -273,14 +272,6 @@ fn place(position: Vec3) -> Result<Vec3> {
         return Ok(position);
     }
     Err(Error::setting("position", position, "three finite numbers"))
-}
-
-/// Checks the brightness of a light.
-pub(super) fn brightness(name: &str, rgb: [f32; 3]) -> Result<Vec3> {
-    if rgb.iter().all(|value| (0.0..f32::INFINITY).contains(value)) {
-        return Ok(Vec3::from(rgb));
-    }
-    Err(Error::setting(name, format!("{rgb:?}"), "three finite numbers that are not negative"))
 }
 
 #[cfg(test)]

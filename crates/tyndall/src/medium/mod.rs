@@ -9,7 +9,6 @@ pub mod black_body;
 mod cells;
 pub mod density;
 pub mod emission;
-mod environment;
 pub mod grid;
 pub mod kernel;
 pub mod light;

@@ -1,7 +1,10 @@
 //! What lights the particles.
 
+use std::sync::Arc;
+
 use glam::Vec3;
 
+use super::image_light::ImageLight;
 use super::material::Material;
 use crate::error::{Error, Result};
 
@@ -28,13 +31,13 @@ pub struct Sky {
 }
 
 /// How particles are lit.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub enum Lighting {
     /// A light at the eye: brightness is the cosine between the surface's normal and the ray.
     Headlight,
     /// A key light with soft shadows and a sky with ambient occlusion, both traced.
     Studio(KeyLight, Sky),
-    /// The same lights, and all light that goes from particle to particle.
+    /// The same lights or an image, and all light that goes from particle to particle.
     Paths(Paths),
     /// None: the pure color.
     Flat,
@@ -45,13 +48,11 @@ pub enum Lighting {
     },
 }
 
-/// Light by path tracing: what surfaces are made of, and how far light is followed.
-#[derive(Clone, Copy, Debug, PartialEq)]
+/// Light by path tracing: where it comes from, what surfaces are made of, and how far it is followed.
+#[derive(Clone, Debug, PartialEq)]
 pub struct Paths {
-    /// See [`Lighting::Studio`].
-    pub key: KeyLight,
-    /// See [`Lighting::Studio`]. Shiny surfaces mirror it; behind the particles is the scene's background.
-    pub sky: Sky,
+    /// Where it comes from.
+    pub lights: Lights,
     /// Of all particles.
     pub material: Material,
     /// How often light is thrown on from one surface to another before it reaches the eye; 0 is what `Studio` shows. Surfaces that light goes
@@ -59,6 +60,20 @@ pub struct Paths {
     pub bounces: u32,
     /// A lens that is sharp at one distance; none is sharp everywhere.
     pub lens: Option<Lens>,
+}
+
+/// Where light comes from that is followed by paths. Shiny surfaces mirror it, clear ones break it.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Lights {
+    /// See [`Lighting::Studio`]. Behind the particles is the scene's background.
+    Studio(KeyLight, Sky),
+    /// An image of all that is far away, or one radiance all around.
+    Image {
+        /// The image.
+        light: Arc<ImageLight>,
+        /// Whether it is seen behind the particles too, where the picture then is opaque.
+        is_seen: bool,
+    },
 }
 
 impl Paths {

@@ -2,7 +2,7 @@
 
 use glam::Vec3;
 
-use super::light::{KeyLight, Lens, Lighting, Paths, Sky};
+use super::light::{KeyLight, Lens, Lighting, Lights, Paths, Sky};
 use super::material::Material;
 
 /// A look.
@@ -38,10 +38,12 @@ pub enum Look {
 }
 
 /// What replaces the numbers of a look that is traced by paths.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Adjustments {
     /// Whether the default look is traced too, as matte.
     pub traced: bool,
+    /// In place of the look's own lights; the default look is traced too then.
+    pub lights: Option<Lights>,
     /// See [`Paths::bounces`].
     pub bounces: Option<u32>,
     /// Of the material.
@@ -60,7 +62,10 @@ impl Look {
     pub fn is_traced(self, adjustments: &Adjustments) -> bool {
         match self {
             Self::Default => {
-                adjustments.traced || adjustments.lens.is_some() || adjustments.bounces.is_some()
+                adjustments.traced
+                    || adjustments.lights.is_some()
+                    || adjustments.lens.is_some()
+                    || adjustments.bounces.is_some()
             }
             Self::Headlight | Self::Flat | Self::Toon => false,
             _ => true,
@@ -103,6 +108,7 @@ impl Look {
             Material::Clear { index } => Material::Clear { index: adjustments.index.unwrap_or(index) },
         };
         let bounces = adjustments.bounces.unwrap_or(BOUNCES);
-        Lighting::Paths(Paths { key, sky, material, bounces, lens: adjustments.lens })
+        let lights = adjustments.lights.clone().unwrap_or(Lights::Studio(key, sky));
+        Lighting::Paths(Paths { lights, material, bounces, lens: adjustments.lens })
     }
 }

@@ -15,6 +15,7 @@ pub mod element;
 pub mod ellipsoids;
 mod expression;
 pub mod guesses;
+pub mod image_light;
 pub mod joined;
 mod kinds;
 pub mod light;
@@ -98,7 +99,7 @@ impl Scene {
 
     /// The same light, colors, cut and background on other arrays, with the same nodes.
     fn with(&self, structure: Structure, shapes: Option<Shapes>, opacity: Option<Frozen<f32>>) -> Self {
-        let Self { lighting, background, .. } = *self;
+        let (lighting, background) = (self.lighting.clone(), self.background);
         let (colors, cut) = (self.colors.clone(), self.cut.clone());
         Self {
             lighting,

@@ -14,7 +14,7 @@ use crate::scene::Scene;
 use crate::scene::camera::{Camera, Projection};
 use crate::scene::color::{ParticleColors, resolve};
 use crate::scene::coloring::{Mapping, Range};
-use crate::scene::light::{KeyLight, Lighting, Paths, Sky};
+use crate::scene::light::{KeyLight, Lighting, Lights, Paths, Sky};
 use crate::scene::material::Material;
 use crate::structure::replicas::Replicas;
 use crate::structure::selection::HalfSpace;
@@ -301,11 +301,16 @@ fn a_cap_has_its_color_and_all_of_the_light() {
     let particles = spheres(&[([0.0, 0.0, 0.0], 0.8), ([0.0, 0.0, 3.0], 2.0), ([0.0, 0.0, -6.0], 3.0)]);
     let sky = Sky { zenith: 1.0, ground: 1.0, up: Vec3::Z };
     let key = KeyLight { toward: Vec3::new(0.6, 0.0, 0.8), angular_radius: 0.2, strength: 0.5 };
-    let paths = Paths { key, sky, material: Material::Matte { roughness: 0.0 }, bounces: 3, lens: None };
+    let paths = Paths {
+        lights: Lights::Studio(key, sky),
+        material: Material::Matte { roughness: 0.0 },
+        bounces: 3,
+        lens: None,
+    };
     for lighting in [Lighting::Flat, Lighting::Headlight, Lighting::Studio(key, sky), Lighting::Paths(paths)]
     {
         for cap in [None, Some([0.1, 0.5, 0.9])] {
-            let mut scene = scene(&particles, &RADII, Kind::default(), lighting);
+            let mut scene = scene(&particles, &RADII, Kind::default(), lighting.clone());
             scene.set_cut(&[BELOW_ZERO], cap);
             let found = image(&scene, &above(), &settings(24, 64), Level::new());
             let node = scene.structure().ids().iter().position(|id| *id == 0).unwrap();
@@ -414,7 +419,8 @@ fn what_does_not_go_with_it_is_refused() {
     let key = KeyLight { toward: Vec3::Z, angular_radius: 0.1, strength: 1.0 };
     let sky = Sky { zenith: 1.0, ground: 1.0, up: Vec3::Z };
     let material = Material::Clear { index: 1.5 };
-    scene.lighting = Lighting::Paths(Paths { key, sky, material, bounces: 1, lens: None });
+    scene.lighting =
+        Lighting::Paths(Paths { lights: Lights::Studio(key, sky), material, bounces: 1, lens: None });
     assert!(with(&scene, Culling::Off).unwrap().contains("--cut"));
     scene.set_cut(&[], None);
     assert_eq!(with(&scene, confidence), None);

@@ -9,7 +9,7 @@ use crate::render::{Culling, Renderer, Settings, confidence, render};
 use crate::scene::Scene;
 use crate::scene::camera::{Camera, Projection};
 use crate::scene::color::ParticleColors;
-use crate::scene::light::{KeyLight, Lighting, Paths, Sky};
+use crate::scene::light::{KeyLight, Lighting, Lights, Paths, Sky};
 use crate::scene::material::Material;
 use crate::structure::shapes::Segment;
 use crate::structure::{Kind, Packing, Structure};
@@ -94,8 +94,12 @@ fn shadows_weaken_with_opacity_and_are_drawn_apart_from_what_is_seen() {
     // A wide floor, and between it and the light a black ball in the way of the eye too, or beside it.
     let key = |toward: Vec3| KeyLight { toward: toward.normalize(), angular_radius: 0.0, strength: 1.0 };
     let sky = Sky { zenith: 0.0, ground: 0.0, up: Vec3::Z };
-    let paths =
-        |key| Paths { key, sky, material: Material::Matte { roughness: 0.0 }, bounces: 0, lens: None };
+    let paths = |key| Paths {
+        lights: Lights::Studio(key, sky),
+        material: Material::Matte { roughness: 0.0 },
+        bounces: 0,
+        lens: None,
+    };
     for (at, toward, wanted) in [
         ([0.0, 0.0, 4.0], Vec3::Z, 0.6 * 0.6),
         ([4.0, 0.0, 4.0], Vec3::new(1.0, 0.0, 1.0), 0.6 * 0.5_f32.sqrt()),
@@ -105,8 +109,8 @@ fn shadows_weaken_with_opacity_and_are_drawn_apart_from_what_is_seen() {
         let colors = ParticleColors::palette(vec![[255; 3], [0; 3]], vec![0, 1], String::new());
         let mut scene = Scene::new(structure, colors, Lighting::Studio(key(toward), sky), None);
         scene.set_opacity(Some(&[1.0, 0.4])).unwrap();
-        for lighting in [scene.lighting, Lighting::Paths(paths(key(toward)))] {
-            scene.lighting = lighting;
+        for lighting in [scene.lighting.clone(), Lighting::Paths(paths(key(toward)))] {
+            scene.lighting = lighting.clone();
             let image = render(&scene, &camera(0.2), &settings(4, 256), &()).unwrap();
             let found = image.color[5][0];
             assert!((found - wanted).abs() < 0.03, "{lighting:?}: {found} for {wanted}");

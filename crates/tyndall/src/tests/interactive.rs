@@ -88,7 +88,7 @@ impl State {
                     _ => Lighting::Headlight,
                 };
                 self.background = (random.below(2) == 0).then_some([0.1, 0.2, 0.3]);
-                interactive.light(self.lighting, self.background);
+                interactive.light(self.lighting.clone(), self.background);
             }
             4 => {
                 self.radius_scale = 3.0 * random.unit();
@@ -110,7 +110,7 @@ impl State {
         let mut structure = Structure::build(kind, particles.clone(), radii, built, &()).unwrap();
         structure.scale_radii(scale);
         structure.show(&self.half_spaces.iter().copied().map(Rule::HalfSpace).collect::<Vec<_>>());
-        Scene::new(structure, self.colors.clone(), self.lighting, self.background)
+        Scene::new(structure, self.colors.clone(), self.lighting.clone(), self.background)
     }
 }
 
@@ -318,7 +318,7 @@ mod card {
         change_at_random(&gpu, 8, &KINDS, |seed, scene, state, found| {
             // Where all particles share a center, what a shadow ray starts on lies within rounding of the others.
             if matches!(
-                (LAWS[seed as usize % LAWS.len()], state.lighting),
+                (LAWS[seed as usize % LAWS.len()], state.lighting.clone()),
                 (Law::Equal, Lighting::Studio(..))
             ) {
                 return;

@@ -8,7 +8,7 @@ use crate::film::Image;
 use crate::render::{Culling, Renderer, Settings, confidence, render};
 use crate::scene::Scene;
 use crate::scene::camera::{Camera, Projection};
-use crate::scene::light::{Lighting, Paths};
+use crate::scene::light::{Lighting, Lights, Paths};
 use crate::scene::material::Material;
 use crate::structure::Kind;
 
@@ -16,7 +16,7 @@ fn traced() -> (Scene, Camera) {
     let (particles, radii) = particles(Law::Uniform, 300, &mut Random::new(77));
     let Lighting::Studio(key, sky) = Lighting::studio(Vec3::NEG_X, Vec3::Y, Vec3::Z) else { panic!() };
     let material = Material::Metal { roughness: 0.5 };
-    let paths = Paths { key, sky, material, bounces: 2, lens: None };
+    let paths = Paths { lights: Lights::Studio(key, sky), material, bounces: 2, lens: None };
     let bounds = particles.bounds();
     let look_at = particles.positions().origin() + bounds.center().as_dvec3();
     let size = f64::from(bounds.extent().max_element());

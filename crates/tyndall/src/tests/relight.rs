@@ -33,7 +33,7 @@ fn a_picture_lit_and_colored_anew_is_that_of_a_new_rendering() {
         assert_eq!((buffer.samples(), buffer.bytes()), (samples, 4 * 1024 * 8 * u64::from(samples)));
         let studio = Lighting::studio(random.vector().normalize_or(Vec3::X), Vec3::NEG_Y, Vec3::Z);
         for lighting in [Lighting::Headlight, studio, Lighting::Flat] {
-            scene.lighting = lighting;
+            scene.lighting = lighting.clone();
             let expected = image(&scene, &camera, &settings, Level::new());
             let found = buffer.image(&scene, &()).unwrap();
             assert_eq!(differing_pixels(&expected, &found), 0, "seed {seed}: {law:?}, {lighting:?}");

@@ -144,10 +144,10 @@ fn hidden_particles_are_as_if_they_were_not_there() {
             let about = format!("seed {seed}: {law:?}, {count} particles, {kind:?}");
             assert_eq!(rules.apply(&mut structure), ids.len() as u64, "{about}");
             hidden += count - ids.len();
-            let expected = expected(&all, &radii, &ids, lighting, &shot);
+            let expected = expected(&all, &radii, &ids, lighting.clone(), &shot);
             met += expected.id.iter().filter(|&&id| id >= 0).count();
             let all_colors = only(&all, &radii, &(0..count).collect::<Vec<_>>()).0;
-            let scene = colored(structure, &all_colors, greatest(&all, &radii), lighting);
+            let scene = colored(structure, &all_colors, greatest(&all, &radii), lighting.clone());
             let found = image(&scene, &shot.camera, &shot.settings, Level::new());
             assert_eq!(differing_pixels(&expected, &found), 0, "{about}");
         }

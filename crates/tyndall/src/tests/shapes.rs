@@ -269,8 +269,8 @@ fn a_sphere_of_triangles_looks_like_a_sphere() {
         Lighting::studio(view.forward, view.right, view.up),
         Look::Matte.lighting([view.forward, view.right, view.up], &Adjustments::default()),
     ] {
-        let exact = image(&lone(1.0, lighting), &camera, &settings, Level::new());
-        let mut scene = lone(0.01, lighting);
+        let exact = image(&lone(1.0, lighting.clone()), &camera, &settings, Level::new());
+        let mut scene = lone(0.01, lighting.clone());
         scene.add_mesh(&tessellated(BANDS), [linear_from_encoded(128.0 / 255.0); 3]).unwrap();
         let found = image(&scene, &camera, &settings, Level::new());
         let (mut shown, mut difference) = (0, 0.0);

@@ -116,10 +116,10 @@ fn every_structure_casts_the_shadows_that_brute_force_casts() {
         let settings =
             Settings { width: 16, height: 16, samples: 4, seed: seed as u32, culling: Culling::Off };
         let studio = Lighting::studio(Vec3::X, Vec3::NEG_Y, Vec3::Z);
-        let brute = scene(&particles, &radii, Kind::Brute, studio);
+        let brute = scene(&particles, &radii, Kind::Brute, studio.clone());
         let expected = image(&brute, &camera, &settings, Level::new());
         for kind in KINDS {
-            let scene = scene(&particles, &radii, kind, studio);
+            let scene = scene(&particles, &radii, kind, studio.clone());
             let differing = differing_pixels(&expected, &image(&scene, &camera, &settings, Level::new()));
             assert_eq!(differing, 0, "seed {seed}: {law:?}, {kind:?}");
         }
@@ -140,7 +140,7 @@ fn packed_particles_are_rendered_as_brute_force_renders_what_the_blocks_decode()
             let settings =
                 Settings { width: 21, height: 13, samples: 16, seed: seed as u32, culling: Culling::Off };
             for lighting in [Lighting::Headlight, Lighting::studio(Vec3::X, Vec3::NEG_Y, Vec3::Z)] {
-                let expected = scene(&decoded, &decoded_radii, Kind::Brute, lighting);
+                let expected = scene(&decoded, &decoded_radii, Kind::Brute, lighting.clone());
                 let expected = image(&expected, &camera, &settings, Level::new());
                 let colors = color::resolve(&decoded, &"radius".parse().unwrap(), &Mapping::default());
                 let packed = Structure::build(Kind::Bvh(packing), particles.clone(), &radii, 1.0, &());
@@ -173,7 +173,8 @@ fn scaled_radii_are_seen_as_if_they_had_been_built() {
             let built = |scale: f32| Structure::build(kind, particles.clone(), &radii, scale, &()).unwrap();
             let seen = |structure: Structure| {
                 let colors = color::resolve(&particles, &"radius".parse().unwrap(), &Mapping::default());
-                image(&Scene::new(structure, colors.unwrap(), studio, None), &camera, &settings, Level::new())
+                let scene = Scene::new(structure, colors.unwrap(), studio.clone(), None);
+                image(&scene, &camera, &settings, Level::new())
             };
             let mut scaled = built(1.0);
             // Not from one scale to the next, but from what was built.

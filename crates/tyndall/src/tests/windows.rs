@@ -114,7 +114,7 @@ fn a_panorama_shows_what_its_rays_meet() {
     let lighting = Lighting::studio(view.forward, view.right, view.up);
     let mut images = Vec::new();
     for kind in [Kind::default(), Kind::Brute] {
-        let scene = scene(&particles, &radii, kind, lighting);
+        let scene = scene(&particles, &radii, kind, lighting.clone());
         let mut renderer = Renderer::new(&scene, &around, &settings).unwrap();
         renderer.finish(&()).unwrap();
         let image = renderer.image();

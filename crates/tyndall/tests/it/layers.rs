@@ -8,15 +8,16 @@ const GROUND: [&str; 11] =
     ["curve", "error", "frozen", "math", "names", "pages", "progress", "random", "simd", "source", "srgb"];
 
 /// A module and what it may know besides the ground.
-const ARROWS: [(&str, &[&str]); 8] = [
+const ARROWS: [(&str, &[&str]); 9] = [
     ("particles", &[]),
     ("film", &[]),
+    ("environment", &[]),
     ("periodic", &["particles"]),
     ("synthetic", &["particles"]),
     ("structure", &["particles"]),
-    ("scene", &["structure", "periodic", "particles"]),
-    ("medium", &["particles"]),
-    ("render", &["scene", "medium", "structure", "particles", "film"]),
+    ("scene", &["structure", "periodic", "particles", "environment"]),
+    ("medium", &["particles", "environment"]),
+    ("render", &["scene", "medium", "structure", "particles", "environment", "film"]),
 ];
 
 fn sources(folder: &Path, found: &mut Vec<PathBuf>) {

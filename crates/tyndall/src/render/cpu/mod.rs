@@ -109,7 +109,7 @@ impl Film {
             self.begun.truncate(again);
         }
         self.begun.push((added.first, self.nearness.clone()));
-        let lighting = (!self.is_unlit).then_some(scene.lighting);
+        let lighting = (!self.is_unlit).then(|| scene.lighting.clone());
         Pass::new((scene, lighting), view, added, certified, &mut self.nearness)
     }
 

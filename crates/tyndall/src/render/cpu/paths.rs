@@ -39,8 +39,11 @@ pub(super) fn light<S: Simd>(simd: S, pass: &Pass, paths: &Paths, film_tile: &mu
                     ray = through_lens(&pass.view, lens, &ray, sample);
                     met = pass.secondary.meet(&ray);
                 }
-                let Some(met) = met else { continue };
-                let light = tracer.radiance(&ray, met, sample);
+                let light = match met {
+                    Some(met) => Some(tracer.radiance(&ray, met, sample)),
+                    None => tracer.behind(ray.direction),
+                };
+                let Some(light) = light else { continue };
                 for (sum, light) in film_tile.sum[pixel].iter_mut().zip([light.x, light.y, light.z, 1.0]) {
                     *sum += light;
                 }

@@ -245,7 +245,7 @@ impl Picture {
 
     fn kernels(&mut self, seen: &Seen, samples: u32, walk: Walk, progress: &dyn Progress) -> Result<Kernels> {
         let sampling = self.sampling(seen, samples);
-        let light = match seen.scene.lighting {
+        let light = match &seen.scene.lighting {
             Lighting::Studio(..) => "shade_studio",
             Lighting::Headlight | Lighting::Flat => "shade_open",
             Lighting::Paths(_) => {

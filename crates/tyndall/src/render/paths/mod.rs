@@ -1,29 +1,30 @@
 //! Light that goes from particle to particle, by path tracing.
 //!
-//! A path starts where the eye's ray met a surface. There the key light is looked at by a shadow ray, and the path goes on in a direction that
-//! the surface's material draws; what leaves the particles sees the sky, and the key light in so far as looking at it has not found it (the balance
-//! heuristic). Paths end after the bounces that are wanted, or by Russian roulette. Invariant: the expected value of every pixel is its radiance
+//! A path starts where the eye's ray met a surface. There the key light, or what is bright in an image, is looked at by a shadow ray, and the path
+//! goes on in a direction that the surface's material draws; what leaves the particles sees what is far away in so far as looking at it has not found it
+//! (the balance heuristic). Paths end after the bounces that are wanted, or by Russian roulette. Invariant: the expected value of every pixel is its radiance
 //! with that many bounces; the same seed gives the same bits for any number of threads.
 //!
 //! Sources: J. Kajiya, "The rendering equation", SIGGRAPH 1986; E. Veach, L. Guibas, "Optimally combining sampling techniques for Monte Carlo
 //! rendering", SIGGRAPH 1995.
 
 mod clear;
+mod far;
 mod scatter;
 
-use std::f32::consts::{PI, TAU};
+use std::f32::consts::TAU;
 
 use glam::Vec3;
 
 use super::sampling::{Dimension, shuffled_point};
-use super::shade::{in_cone, sky_brightness};
 use super::surface::Surface;
 use crate::math::Ray;
 use crate::random::Stream;
 use crate::scene::Scene;
 use crate::scene::camera::View;
-use crate::scene::light::{Lens, Paths};
+use crate::scene::light::{Lens, Lights, Paths};
 use crate::scene::material::Material;
+use far::Far;
 use scatter::Scatter;
 
 /// Paths whose throughput falls below this are ended with a chance.
@@ -57,24 +58,18 @@ impl Sample {
 pub(super) struct Tracer<'a> {
     scene: &'a Scene,
     paths: &'a Paths,
-    /// Radiance of the key light's disc, and one over its solid angle.
-    key_radiance: f32,
-    key_density: f32,
-    key_cosine: f32,
+    far: Far<'a>,
 }
 
 impl<'a> Tracer<'a> {
     pub(super) fn new(scene: &'a Scene, paths: &'a Paths) -> Self {
-        // A point-like key light is a small disc.
-        let angle = paths.key.angular_radius.clamp(1e-3, PI);
-        let solid_angle = TAU * 2.0 * (0.5 * angle).sin().powi(2);
-        Self {
-            scene,
-            paths,
-            key_radiance: PI * paths.key.strength / solid_angle,
-            key_density: 1.0 / solid_angle,
-            key_cosine: angle.cos(),
-        }
+        Self { scene, paths, far: Far::new(&paths.lights) }
+    }
+
+    /// RGB radiance along a ray that meets nothing, where what is far away is seen.
+    pub(super) fn behind(&self, direction: Vec3) -> Option<Vec3> {
+        let is_seen = matches!(self.paths.lights, Lights::Image { is_seen: true, .. });
+        is_seen.then(|| self.far.seen(direction, None))
     }
 
     /// RGB radiance toward the origin of `ray`, which meets a node at a distance.
@@ -98,7 +93,7 @@ impl<'a> Tracer<'a> {
                     let met = self.leave(out.origin, direction, out.node);
                     if met.is_none() {
                         // Nothing has looked at the light before.
-                        return radiance + throughput * self.outside(direction, None);
+                        return radiance + throughput * self.far.seen(direction, None);
                     }
                     met
                 }
@@ -109,7 +104,7 @@ impl<'a> Tracer<'a> {
                     };
                     let scatter = Scatter::new(&material, surface.normal, -direction, surface.color);
                     let random = spread(Dimension::Key, &mut stream);
-                    radiance += throughput * self.key_light(&surface, &scatter, random);
+                    radiance += throughput * self.looked_for(&surface, &scatter, random);
                     let random = spread(Dimension::Sky, &mut stream);
                     direction = scatter.draw(random, stream.unit());
                     let thrown = scatter.evaluate(direction);
@@ -119,7 +114,7 @@ impl<'a> Tracer<'a> {
                     throughput *= thrown.share / thrown.density;
                     let met = self.leave(surface.position, direction, surface.node);
                     if met.is_none() {
-                        return radiance + throughput * self.outside(direction, Some(thrown.density));
+                        return radiance + throughput * self.far.seen(direction, Some(thrown.density));
                     }
                     bounces += 1;
                     met
@@ -146,32 +141,18 @@ impl<'a> Tracer<'a> {
         Some(Surface::new(self.scene, &ray, self.scene.enter(&ray, Some(from))?))
     }
 
-    /// Light of the key light that a surface throws on.
-    fn key_light(&self, surface: &Surface, scatter: &Scatter, random: [f32; 2]) -> Vec3 {
-        if self.paths.key.strength <= 0.0 {
-            return Vec3::ZERO;
-        }
-        let toward = in_cone(self.paths.key.toward, self.key_cosine, random.into());
-        let thrown = scatter.evaluate(toward);
+    /// Light that a surface throws on and that looking for it finds.
+    fn looked_for(&self, surface: &Surface, scatter: &Scatter, random: [f32; 2]) -> Vec3 {
+        let Some(look) = self.far.look(random) else { return Vec3::ZERO };
+        let thrown = scatter.evaluate(look.toward);
         if thrown.share == Vec3::ZERO {
             return Vec3::ZERO;
         }
-        let ray = Ray { origin: surface.position, direction: toward, t_min: 0.0, t_max: f32::INFINITY };
+        let ray = Ray { origin: surface.position, direction: look.toward, t_min: 0.0, t_max: f32::INFINITY };
         if self.scene.is_shadowed(&ray, Some(surface.node)) {
             return Vec3::ZERO;
         }
-        thrown.share * (self.key_radiance / (self.key_density + thrown.density))
-    }
-
-    /// Radiance from outside that a direction sees which was drawn with a density, beyond what looking at the key light finds; all of it
-    /// without a density.
-    fn outside(&self, direction: Vec3, density: Option<f32>) -> Vec3 {
-        let mut radiance = sky_brightness(&self.paths.sky, direction);
-        if direction.dot(self.paths.key.toward) >= self.key_cosine {
-            let share = density.map_or(1.0, |density| density / (density + self.key_density));
-            radiance += share * self.key_radiance;
-        }
-        Vec3::splat(radiance)
+        thrown.share * (look.radiance / (look.density + thrown.density))
     }
 }
 

@@ -1,5 +1,7 @@
 //! Light against what is known in closed form.
 
+mod images;
+
 use glam::{DVec3, Vec3};
 
 use super::clear::COLOR_DIAMETERS;
@@ -9,7 +11,7 @@ use crate::render::{Settings, render};
 use crate::scene::Scene;
 use crate::scene::camera::{Camera, Projection};
 use crate::scene::color::ParticleColors;
-use crate::scene::light::{KeyLight, Lens, Lighting, Paths, Sky};
+use crate::scene::light::{KeyLight, Lens, Lighting, Lights, Paths, Sky};
 use crate::scene::material::Material;
 use crate::structure::shapes::Segment;
 use crate::structure::{Kind, Structure};
@@ -33,7 +35,7 @@ fn scene(spheres: &[([f64; 3], f32, u8)], lighting: Lighting) -> Scene {
 }
 
 fn lit(material: Material, bounces: u32) -> Paths {
-    Paths { key: NO_KEY, sky: EVEN_SKY, material, bounces, lens: None }
+    Paths { lights: Lights::Studio(NO_KEY, EVEN_SKY), material, bounces, lens: None }
 }
 
 /// From +y, parallel rays; x to the left.
@@ -117,7 +119,7 @@ fn without_bounces_it_is_the_light_of_the_studio() {
     let Lighting::Studio(key, sky) = Lighting::studio(Vec3::NEG_Y, Vec3::NEG_X, Vec3::Z) else { panic!() };
     let expected = picture(with(Lighting::Studio(key, sky), &mut scene), &camera, 1024);
     let material = Material::Matte { roughness: 0.0 };
-    let paths = Paths { key, sky, material, bounces: 0, lens: None };
+    let paths = Paths { lights: Lights::Studio(key, sky), material, bounces: 0, lens: None };
     let found = picture(with(Lighting::Paths(paths), &mut scene), &camera, 1024);
     let differ = |of: fn(f32) -> f32| {
         let pairs = expected.color.iter().zip(&found.color);
@@ -181,8 +183,8 @@ fn a_lens_blurs_what_is_not_at_its_focus() {
 fn paths_are_the_same_on_any_number_of_threads_and_know_bonds() {
     let spheres: Vec<_> =
         (0..40).map(|k| ([f64::from(k % 7), f64::from(k % 5), f64::from(k % 3)], 0.3, 200)).collect();
-    let paths =
-        Paths { key: KeyLight { strength: 1.0, ..NO_KEY }, ..lit(Material::Metal { roughness: 0.2 }, 3) };
+    let lights = Lights::Studio(KeyLight { strength: 1.0, ..NO_KEY }, EVEN_SKY);
+    let paths = Paths { lights, ..lit(Material::Metal { roughness: 0.2 }, 3) };
     let mut scene = scene(&spheres, Lighting::Paths(paths));
     let camera = camera(DVec3::new(3.0, 2.0, 1.0), 8.0);
     let bare = picture(&scene, &camera, 4);
@@ -210,7 +212,7 @@ fn what_is_out_of_range_is_refused() {
             ..lit(Material::Matte { roughness: 0.0 }, 1)
         },
     ] {
-        let scene = scene(&[([0.0; 3], 1.0, 255)], Lighting::Paths(paths));
+        let scene = scene(&[([0.0; 3], 1.0, 255)], Lighting::Paths(paths.clone()));
         let settings = Settings { width: 4, height: 4, samples: 1, ..Settings::default() };
         assert!(render(&scene, &camera(DVec3::ZERO, 1.0), &settings, &()).is_err(), "{paths:?}");
     }

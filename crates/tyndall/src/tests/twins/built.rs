@@ -161,7 +161,7 @@ fn pictures_of_what_the_card_builds_are_those_of_what_the_cpu_builds() {
         let lighting = if seed % 3 == 0 { Lighting::Headlight } else { Lighting::Flat };
         let (particles, radii, colors, camera) = random_particles(seed);
         let (hierarchy, structure) = build(&gpu, particles, &radii, packing);
-        let scene = Scene::new(structure, colors, lighting, None);
+        let scene = Scene::new(structure, colors, lighting.clone(), None);
         let resident = Resident::built(hierarchy, &scene, &()).unwrap();
         let samples = [1, 4, 16][seed as usize % 3];
         let settings = Settings { width: 71, height: 53, samples, seed: seed as u32, ..Settings::default() };

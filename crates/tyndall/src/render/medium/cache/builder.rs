@@ -445,7 +445,10 @@ fn parted(light: &Light) -> Vec<Light> {
     match light {
         Light::Environment(sky) => {
             let (suns, rest) = sky.without_suns();
-            suns.into_iter().map(Light::Directional).chain([Light::Environment(rest)]).collect()
+            suns.into_iter()
+                .map(|sun| Light::Directional(sun.into()))
+                .chain([Light::Environment(rest)])
+                .collect()
         }
         light => vec![light.clone()],
     }

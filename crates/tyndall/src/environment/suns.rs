@@ -1,10 +1,9 @@
 //! What is small and bright in an image of the sky, as distant lights: a method that knows the sky by a few directions would smear
 //! it over all of the one nearest to it.
 
-use glam::DVec3;
+use glam::{DVec3, Vec3};
 
 use super::{Environment, Image, Radiance, luminance, solid_angle};
-use crate::medium::light::Directional;
 
 /// At most so many lights are taken out.
 const MOST: usize = 8;
@@ -19,9 +18,18 @@ const SHARE: f64 = 0.01;
 /// ...and ends where the image is darker than this share of its brightest pixel.
 const EDGE: f32 = 0.05;
 
+/// A distant light without extent.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Sun {
+    /// Unit vector along which its light travels.
+    pub(crate) along: Vec3,
+    /// RGB irradiance on a plane across it, of finite numbers that are not negative.
+    pub(crate) irradiance: Vec3,
+}
+
 impl Environment {
-    /// Distant lights in place of what is small and bright, and the rest.
-    pub(crate) fn without_suns(&self) -> (Vec<Directional>, Self) {
+    /// What is small and bright, and the rest.
+    pub(crate) fn without_suns(&self) -> (Vec<Sun>, Self) {
         let Radiance::Image(image) = &self.radiance else { return (Vec::new(), self.clone()) };
         let mut suns = Vec::new();
         let mut rest = image.clone();
@@ -35,7 +43,7 @@ impl Environment {
 
 impl Image {
     /// The brightest light and the image without it, if there is one.
-    fn brightest(&self) -> Option<(Directional, Self)> {
+    fn brightest(&self) -> Option<(Sun, Self)> {
         let (width, height) = (self.width, self.height);
         if std::f64::consts::PI / height.min(width.div_ceil(2)) as f64 > WIDEST {
             return None;
@@ -57,7 +65,7 @@ impl Image {
                 irradiance += angle * pixel.as_dvec3();
                 toward += share * direction;
                 power += share;
-                *pixel = glam::Vec3::ZERO;
+                *pixel = Vec3::ZERO;
             }
         }
         let rest = Self { from_world: self.from_world, ..Self::new(width, pixels) };
@@ -65,8 +73,9 @@ impl Image {
         if !(is_bright && power > SHARE * f64::from(self.total)) {
             return None;
         }
-        let along = self.from_world.inverse() * -toward.as_vec3();
-        Some((Directional::new(along, irradiance.as_vec3().to_array()).ok()?, rest))
+        let along = (self.from_world.inverse() * -toward.as_vec3()).try_normalize()?;
+        let irradiance = irradiance.as_vec3();
+        irradiance.is_finite().then_some((Sun { along, irradiance }, rest))
     }
 
     /// The direction of the middle of a pixel, in the image's own axes.
@@ -81,9 +90,6 @@ impl Image {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::math::Bounds;
-    use crate::medium::Light;
-    use glam::Vec3;
 
     const SIZE: [usize; 2] = [256, 128];
 
@@ -103,14 +109,12 @@ mod tests {
         let upright = image.upright(Vec3::new(1.0, 2.0, -1.0)).unwrap();
         let (suns, rest) = upright.without_suns();
         assert_eq!(suns.len(), 2);
-        let bounds = Bounds { min: Vec3::ZERO, max: Vec3::ONE };
         // Irradiance of the suns, and the mean of the rest, make up the mean of the whole.
-        let irradiance: Vec3 =
-            suns.iter().map(|&sun| Light::Directional(sun).toward(bounds.min, [0.5; 2]).light).sum();
+        let irradiance: Vec3 = suns.iter().map(|sun| sun.irradiance).sum();
         let whole = rest.mean() + irradiance / (4.0 * std::f32::consts::PI);
         assert!(whole.abs_diff_eq(upright.mean(), 1e-4), "{whole} {}", upright.mean());
         for sun in suns {
-            assert!(upright.radiance(-sun.along()).x > 1e4 && rest.radiance(-sun.along()).x < 1.0);
+            assert!(upright.radiance(-sun.along).x > 1e4 && rest.radiance(-sun.along).x < 1.0);
         }
     }
 

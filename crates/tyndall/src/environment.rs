@@ -11,22 +11,25 @@ mod suns;
 
 use glam::{Quat, Vec3};
 
-use super::light::{brightness, sphere};
 use crate::error::{Error, Result};
+pub(crate) use suns::Sun;
+
+/// Images of which a smaller share of the light is above the mean are even.
+const EVEN: f32 = 1e-5;
 
 /// Light all around.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Environment {
     radiance: Radiance,
 }
 
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 enum Radiance {
     Constant(Vec3),
     Image(Image),
 }
 
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 struct Image {
     width: usize,
     height: usize,
@@ -100,6 +103,19 @@ impl Environment {
         }
     }
 
+    /// Grey light where an image is brighter than on average, by how much; none where that is nowhere. Those who find what is even by other
+    /// means look for the rest by it. Source: O. Karlik et al., "MIS compensation: optimizing sampling techniques in multiple importance
+    /// sampling", ACM Transactions on Graphics 38(6), 2019.
+    pub fn above_mean(&self) -> Option<Self> {
+        let Radiance::Image(image) = &self.radiance else { return None };
+        let mean = luminance(image.mean);
+        let grey = |&pixel: &Vec3| Vec3::splat((luminance(pixel) - mean).max(0.0));
+        let bright = Image::new(image.width, image.pixels.iter().map(grey).collect());
+        let bright = Image { from_world: image.from_world, ..bright };
+        // An even image differs from its mean by rounding.
+        (bright.total > EVEN * image.total).then_some(Self { radiance: Radiance::Image(bright) })
+    }
+
     /// A direction to look in, drawn in proportion to its brightness by two random numbers in [0, 1).
     pub fn sample(&self, random: [f32; 2]) -> Vec3 {
         match &self.radiance {
@@ -119,6 +135,22 @@ impl Environment {
             _ => 0.25 / PI,
         }
     }
+}
+
+/// A direction uniform on the sphere, by two random numbers in [0, 1).
+pub(crate) fn sphere(random: [f32; 2]) -> Vec3 {
+    let z = 1.0 - 2.0 * random[0];
+    let across = (1.0 - z * z).max(0.0).sqrt();
+    let (sin_around, cos_around) = (TAU * random[1]).sin_cos();
+    Vec3::new(across * cos_around, across * sin_around, z)
+}
+
+/// Checks the brightness of a light.
+pub(crate) fn brightness(name: &str, rgb: [f32; 3]) -> Result<Vec3> {
+    if rgb.iter().all(|value| (0.0..f32::INFINITY).contains(value)) {
+        return Ok(Vec3::from(rgb));
+    }
+    Err(Error::setting(name, format!("{rgb:?}"), "three finite numbers that are not negative"))
 }
 
 /// What is sampled by: no channel is left out.
@@ -239,6 +271,24 @@ mod tests {
         assert!((density * scale - 1.0).abs() < 0.05, "{}", density * scale);
         let mean = f64::from(luminance(sky.mean()));
         assert!((radiance / f64::from(count) / mean - 1.0).abs() < 0.05);
+    }
+
+    #[test]
+    fn what_is_above_the_mean_is_drawn_alone() {
+        let sky = sky().upright(Vec3::new(0.3, -0.2, 0.9)).unwrap();
+        let bright = sky.above_mean().unwrap();
+        let mean = luminance(sky.mean());
+        let mut stream = Stream::new(44, 0);
+        for _ in 0..2000 {
+            let toward = stream.direction();
+            let expected = (luminance(sky.radiance(toward)) - mean).max(0.0);
+            assert_eq!(bright.radiance(toward), Vec3::splat(expected));
+            assert_eq!(bright.density(toward) > 0.0, expected > 0.0);
+        }
+        let even = Environment::image(7, &[[0.7, 0.3, 0.1]; 7 * 5]).unwrap();
+        let black = Environment::image(2, &[[0.0; 3]; 4]).unwrap();
+        let constant = Environment::constant([1.0; 3]).unwrap();
+        assert!([even, black, constant].iter().all(|it| it.above_mean().is_none()));
     }
 
     #[test]
