@@ -27,9 +27,15 @@ pub(crate) struct Shapes {
     #[arg(long, value_name = "COLOR", value_parser = coloring::color, requires = "mesh")]
     mesh_color: Vec<[u8; 3]>,
     /// Particles as ellipsoids or superquadrics, if the file has what LAMMPS (shapex quatw) or LIGGGHTS (shapex quat1 blockiness1) writes (auto); none for
-    /// spheres; or by attributes of three half axes, of a quaternion, w first, and of two exponents: HALF_AXES, HALF_AXES,QUATERNION or all three
+    /// spheres; or by attributes of three half axes, of a quaternion, w first, and of two exponents: HALF_AXES, HALF_AXES,QUATERNION or all three; or by a symmetric tensor of six
+    /// (xx yy zz xy xz yz) or nine numbers, along its principal axes: tensor:NAME, as long as its eigenvalues without their signs (stress), or covariance:NAME, as their roots
+    /// (U of ANISOU, gyration); @voigt behind the name for xx yy zz yz xz xy. What has a tensor of 0 is not shown
     #[arg(long, value_name = "WHICH", default_value = "auto")]
     ellipsoids: Shaping,
+    /// What half axes are multiplied with [default: 1; of a tensor so that most are no longer than a radius]. The displacement parameters of crystals enclose half of
+    /// the probability with covariance:U and 1.5382
+    #[arg(long, value_name = "S", value_parser = length, allow_hyphen_values = true)]
+    ellipsoid_scale: Option<f32>,
     /// An arrow of a vector attribute at each particle, from its center and in its color: a name such as v, of an attribute with two or three numbers or
     /// of scalars like vx vy vz
     #[arg(long, value_name = "NAME")]
@@ -52,21 +58,27 @@ impl Shapes {
     /// The flag that asks for a shape, if one does.
     pub(crate) fn name(&self) -> Option<&'static str> {
         let arrows = self.arrows.as_ref().map(|_| "--arrows");
-        let ellipsoids = matches!(self.ellipsoids, Shaping::Given { .. }).then_some("--ellipsoids");
+        let ellipsoids = self.has_given_ellipsoids().then_some("--ellipsoids");
         arrows.or(ellipsoids).or((!self.mesh.is_empty()).then_some("--mesh"))
     }
 
     /// Whether shapes need the particles as a whole.
     pub(crate) fn are_of_particles(&self) -> bool {
-        self.arrows.is_some() || matches!(self.ellipsoids, Shaping::Given { .. })
+        self.arrows.is_some() || self.has_given_ellipsoids()
     }
 
-    /// Vectors that are drawn, by their names.
+    /// Whether attributes are named that make ellipsoids.
+    fn has_given_ellipsoids(&self) -> bool {
+        matches!(self.ellipsoids, Shaping::Given { .. } | Shaping::Tensor(_))
+    }
+
+    /// Vectors and tensors that are drawn, by their names.
     pub(crate) fn vectors(&self) -> Vec<String> {
         let of_ellipsoids = match &self.ellipsoids {
             Shaping::Given { half_axes, turn, exponents } => {
                 [Some(half_axes), turn.as_ref(), exponents.as_ref()]
             }
+            Shaping::Tensor(tensor) => [Some(&tensor.name), None, None],
             Shaping::Auto | Shaping::Spheres => [None; 3],
         };
         self.arrows.iter().chain(of_ellipsoids.into_iter().flatten()).cloned().collect()
@@ -77,7 +89,7 @@ impl Shapes {
         if self.arrows_only {
             return Ok(None);
         }
-        ellipsoids::find(spheres, &self.ellipsoids)
+        ellipsoids::find(spheres, &self.ellipsoids, self.ellipsoid_scale)
     }
 
     /// Finds the arrows that are wanted, of particles with these radii.

@@ -118,6 +118,52 @@ fn particles_that_the_file_has_as_ellipsoids_are_ellipsoids() {
 }
 
 #[test]
+fn tensors_are_ellipsoids_along_their_principal_axes() {
+    let folder = Folder::new();
+    // Long along x, along the diagonal of x and y, and none.
+    let rows = ["1 1 -3 0 0 4 1 1 0 0 0 7", "2 1 2 0 0 2.5 2.5 1 1.5 0 0 7", "3 1 0 3 0 0 0 0 0 0 0 7"];
+    let columns = "id type x y z c_s[1] c_s[2] c_s[3] c_s[4] c_s[5] c_s[6] q";
+    folder.file("a.dump", dump(columns, 4.0, &rows));
+    let said = folder
+        .render(&format!("a.dump -o a.png {VIEW} --ellipsoids tensor:c_s --ellipsoid-scale 0.5"))
+        .fine();
+    let told = "2 ellipsoids by the tensor c_s (xx yy zz xy xz yz), half axes its eigenvalues times 0.5, 1 particle left out whose tensor is 0";
+    assert!(said.contains(told), "{said}");
+    let (red, none) = ([255, 0, 0, 255], [0; 4]);
+    let seen = |name: &str| {
+        [[-4, 0], [-2, 0], [-3, 1], [3, 1], [1, -1], [3, -1], [0, 3]].map(|at| color(&folder, name, at))
+    };
+    assert_eq!(seen("a.png"), [red, red, none, red, red, none, none]);
+    // As long as the root of four, not as four.
+    let said = folder
+        .render(&format!("a.dump -o r.png {VIEW} --ellipsoids covariance:c_s --ellipsoid-scale 0.7"))
+        .fine();
+    assert!(said.contains("half axes the roots of its eigenvalues times 0.7"), "{said}");
+    assert_eq!(seen("r.png")[..3], [red, red, none]);
+    let said = folder.render(&format!("a.dump -o u.png {VIEW} --ellipsoids tensor:c_s")).fine();
+    assert!(said.contains("half axes its eigenvalues times 0.125"), "{said}");
+    // Nine numbers of an extended XYZ, of which the reader reads what is asked for.
+    let nine = "2\nProperties=species:S:1:pos:R:3:stress:R:9:more:R:6\nAr -3 0 0 4 0 0 0 1 0 0 0 1 1 2 3 4 5 6\nAr 2 0 0 2.5 1.5 0 1.5 2.5 0 0 0 1 1 2 3 4 5 6\n";
+    folder.file("a.xyz", nine);
+    let said = folder
+        .render(&format!("a.xyz -o x.png {VIEW} --ellipsoids tensor:stress --ellipsoid-scale 0.5"))
+        .fine();
+    assert!(said.contains("2 ellipsoids by the tensor stress, half axes"), "{said}");
+    assert_eq!(seen("x.png"), seen("a.png"));
+    for (words, parts) in [
+        (
+            "tensor:stres",
+            ["--ellipsoids cannot be 'stres'", "the file has: stress, more; did you mean 'stress'?"],
+        ),
+        ("tensor:", ["--ellipsoids cannot be 'tensor:'", "tensor:NAME or covariance:NAME"]),
+        ("tensor:stress --ellipsoid-scale 0", ["--ellipsoid-scale", "greater than 0"]),
+        ("tensor:stress --device gpu", ["--device", "--ellipsoids"]),
+    ] {
+        folder.render(&format!("a.xyz -o n.png --ellipsoids {words}")).fails(2, &parts);
+    }
+}
+
+#[test]
 fn shapes_that_cannot_be_are_refused() {
     let folder = Folder::new();
     folder.file("a.dump", dump("id type x y z", 4.0, &["1 1 0.5 1 1", "2 1 1.5 1 1"]));
@@ -143,7 +189,7 @@ fn shapes_that_cannot_be_are_refused() {
         ("--arrows v --arrow-scale -1", 2, vec!["a number greater than 0"]),
         ("--arrows-only", 2, vec!["--arrows"]),
         ("--ellipsoids axes", 2, vec!["--ellipsoids cannot be 'axes'", "3 numbers a particle"]),
-        ("--ellipsoids a,b,c,d", 2, vec!["auto, none, HALF_AXES, HALF_AXES,QUATERNION or"]),
+        ("--ellipsoids a,b,c,d", 2, vec!["covariance:NAME, HALF_AXES, HALF_AXES,QUATERNION or"]),
         ("--ellipsoids a --panorama", 2, vec!["leave out --ellipsoids"]),
         ("--arrows v --mode medium", 2, vec!["--arrows is for spheres"]),
     ] {

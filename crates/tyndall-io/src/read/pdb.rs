@@ -3,12 +3,12 @@
 //! Frames end at ENDMDL or END, or where the next MODEL begins; what stands before a model belongs to it, so that each may have a
 //! cell of its own. Serial numbers that ran over their columns are hybrid-36 or VMD's hexadecimal. Elements come from columns 77
 //! and 78, else from the atom's name and where it stands. Alternate locations are all kept. Lengths are Å. A cell is taken where it
-//! is that of a simulation: that of a crystal (space group other than P 1) holds more than the atoms of the file.
+//! is that of a simulation: that of a crystal (space group other than P 1) holds more than the atoms of the file. Anisotropic displacement parameters are `U`.
 //! Source: wwPDB, Atomic Coordinate Entry Format 3.3; hybrid-36 after R. W. Grosse-Kunstleve, cci.lbl.gov/hybrid_36.
 
+mod displacements;
 mod numbers;
 
-use std::collections::HashMap;
 use std::path::Path;
 
 use rayon::prelude::*;
@@ -271,9 +271,14 @@ pub(crate) fn frame(
     });
     let assemblies = assemblies(before(bytes));
     let bonds = connections(bytes, start, &all.serials);
+    // Copies of an assembly are turned, tensors are not: there they are left out.
+    let displacements = displacements::displacements(text, &all.serials);
+    let displacements = displacements.filter(|_| request.options.assembly.is_none());
+    let mut attributes = attributes(all);
+    attributes.extend(displacements);
     let columns = Columns {
         positions,
-        attributes: attributes(all),
+        attributes,
         radii: None,
         cell,
         time,
@@ -296,10 +301,7 @@ pub(crate) fn frame(
 /// twice, as in files of too many atoms, name none.
 fn connections(bytes: &[u8], start: usize, serials: &[[u8; 5]]) -> Vec<[u32; 2]> {
     let Some(first) = memchr::memmem::find(&bytes[start..], b"\nCONECT") else { return Vec::new() };
-    let mut places: HashMap<&[u8], Option<u32>> = HashMap::with_capacity(serials.len());
-    for (place, serial) in serials.iter().enumerate() {
-        places.entry(serial.trim_ascii()).and_modify(|it| *it = None).or_insert(Some(place as u32));
-    }
+    let places = numbers::places(serials);
     let place = |field: &[u8]| places.get(field).copied().flatten();
     let mut bonds = Vec::new();
     for (_, line) in lines(&bytes[start + first..]).filter(|(_, line)| line.starts_with(b"CONECT")) {
@@ -451,6 +453,22 @@ mod tests {
         let inside = "CONECT99999A0000A0001\n";
         let assembly = read(&format!("{REMARKS}{ATOMS}{inside}"), Some("1")).unwrap();
         assert_eq!(assembly[0].particles.bonds(), [[0, 1], [2, 3]]);
+    }
+
+    #[test]
+    fn displacement_parameters_are_those_of_their_atoms() {
+        let records = "ANISOUA0001 FE   HEM B9999     2406   1892   1614    198    519   -328      FE\nANISOUA0009 XX\n";
+        let particles = &read(&format!("{ATOMS}{records}END\n"), None).unwrap()[0].particles;
+        let tensors = particles.attribute("U").unwrap();
+        assert_eq!((tensors.components, tensors.unit.as_deref()), (6, Some("Å²")));
+        let found = [0, 1, 2, 3, 4, 5].map(|place| tensors.number(2, place));
+        let expected = [0.2406, 0.1892, 0.1614, 0.0198, 0.0519, -0.0328];
+        assert!(found.iter().zip(expected).all(|(found, wanted): (&f64, f64)| (found - wanted).abs() < 1e-7));
+        assert!(tensors.number(1, 0).is_nan() && tensors.number(3, 5).is_nan());
+        // Copies that are turned have none.
+        let text = format!("{REMARKS}{ATOMS}{records}");
+        assert!(read(&text, Some("1")).unwrap()[0].particles.attribute("U").is_none());
+        assert!(read(ATOMS, None).unwrap()[0].particles.attribute("U").is_none());
     }
 
     #[test]

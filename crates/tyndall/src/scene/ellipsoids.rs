@@ -1,8 +1,10 @@
-//! Which particles are ellipsoids or superquadrics, by attributes of their half axes, how they are turned, and their exponents.
+//! Which particles are ellipsoids or superquadrics, by attributes of their half axes, how they are turned, and their exponents; or by a tensor.
 //!
 //! Sources: LAMMPS, `compute property/atom`: `shapex` to `shapez` are diameters, `quatw` to `quatk` the quaternion, which turns from the body to the
 //! space; OVITO reads dumps of them as `c_shape` and `c_orient`, the latter with w last. LIGGGHTS has half axes in `shapex` to `shapez`, the quaternion in
 //! `quat1` to `quat4`, and exponents in `blockiness1` and `blockiness2`, which tell its files from those of LAMMPS.
+
+mod tensor;
 
 use std::str::FromStr;
 
@@ -15,6 +17,8 @@ use crate::error::{Error, Result};
 use crate::particles::{Attribute, Particles};
 use crate::structure::Spheres;
 use crate::structure::shapes::Ellipsoid;
+pub(super) use tensor::attributes as tensor_attributes;
+pub use tensor::{HalfAxes, Order, Tensor};
 
 /// What says which particles are ellipsoids.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -33,12 +37,17 @@ pub enum Shaping {
         /// Exponents n1 and n2: see [`Ellipsoid::exponents`]; without them it is an ellipsoid.
         exponents: Option<String>,
     },
+    /// A symmetric tensor, along whose principal axes the half axes are.
+    Tensor(Tensor),
 }
 
 impl FromStr for Shaping {
     type Err = Error;
 
     fn from_str(text: &str) -> Result<Self> {
+        if text.starts_with("tensor:") || text.starts_with("covariance:") {
+            return text.parse().map(Self::Tensor);
+        }
         let names: Vec<&str> = text.split(',').map(str::trim).collect();
         match names[..] {
             ["auto"] => Ok(Self::Auto),
@@ -48,17 +57,17 @@ impl FromStr for Shaping {
                 Ok(Self::Given { half_axes: half_axes.into(), turn: name(0), exponents: name(1) })
             }
             _ => {
-                let allowed = "auto, none, HALF_AXES, HALF_AXES,QUATERNION or HALF_AXES,QUATERNION,EXPONENTS";
+                let allowed = "auto, none, tensor:NAME, covariance:NAME, HALF_AXES, HALF_AXES,QUATERNION or HALF_AXES,QUATERNION,EXPONENTS";
                 Err(Error::setting("--ellipsoids", text, allowed))
             }
         }
     }
 }
 
-/// Ellipsoids to be drawn in place of all spheres: what has no half axes is one with those of its sphere.
+/// Ellipsoids to be drawn in place of all spheres: what has no half axes is one with those of its sphere, what has a tensor of 0 is none.
 #[derive(Clone, Debug)]
 pub struct Ellipsoids {
-    /// One for each particle.
+    /// At most one for each particle, in their order.
     pub ellipsoids: Vec<Ellipsoid>,
     /// How far most of them reach, for a camera that frames them.
     pub reach: f32,
@@ -87,13 +96,15 @@ pub(super) fn is_named(name: &str) -> bool {
     SHAPES.iter().flatten().chain(TURNS.iter().flatten()).chain(&EXPONENTS).any(|known| *known == name)
 }
 
-/// Finds ellipsoids, which would be these spheres otherwise; without any half axes there are none. All are scaled as radii are.
+/// Finds ellipsoids, which would be these spheres otherwise; without any half axes there are none. All are scaled as radii are, and by
+/// `scale`: by 1 without it, of a tensor so that most are as long as spheres.
 ///
 /// Fails with [`Error::Setting`] if an attribute is asked for that is not there.
-pub fn find(spheres: Spheres, shaping: &Shaping) -> Result<Option<Ellipsoids>> {
+pub fn find(spheres: Spheres, shaping: &Shaping, scale: Option<f32>) -> Result<Option<Ellipsoids>> {
     let particles = spheres.particles;
     let (half_axes, turn, exponents, factor, by): Found = match shaping {
         Shaping::Spheres => return Ok(None),
+        Shaping::Tensor(tensor) => return tensor::find(spheres, tensor, scale).map(Some),
         Shaping::Auto => {
             let Some(axes) = SHAPES.iter().find_map(|names| scalars(particles, names)) else {
                 return Ok(None);
@@ -114,7 +125,7 @@ pub fn find(spheres: Spheres, shaping: &Shaping) -> Result<Option<Ellipsoids>> {
             (axes, given(turn, 4)?, given(exponents, 2)?, 1.0, format!("half axes {half_axes}{more}"))
         }
     };
-    let factor = factor * f64::from(spheres.radius_scale);
+    let factor = factor * f64::from(spheres.radius_scale) * f64::from(scale.unwrap_or(1.0));
     let ellipsoid = |id: usize| {
         let number = |columns: &[Column], place: usize| columns.get(place).map_or(0.0, |it| it.value(id));
         let axes = factor * DVec3::from([0, 1, 2].map(|place| number(&half_axes, place)));
@@ -139,20 +150,26 @@ pub fn find(spheres: Spheres, shaping: &Shaping) -> Result<Option<Ellipsoids>> {
     if shaped == 0 && *shaping == Shaping::Auto {
         return Ok(None);
     }
-    let many = |count: usize, thing: &str| {
-        format!("{} {thing}{}", grouped(count), if count == 1 { "" } else { "s" })
-    };
     let thing = if exponents.is_empty() { "ellipsoid" } else { "superquadric" };
     let mut description = format!("{} by {by}", many(shaped, thing));
     if shaped < found.len() {
         description += &format!(", {}", many(found.len() - shaped, "sphere"));
     }
-    let ellipsoids: Vec<Ellipsoid> = found.into_iter().map(|(ellipsoid, _)| ellipsoid).collect();
+    Ok(Some(told(found.into_iter().map(|(ellipsoid, _)| ellipsoid).collect(), description)))
+}
+
+/// So many things, in words.
+fn many(count: usize, thing: &str) -> String {
+    format!("{} {thing}{}", grouped(count), if count == 1 { "" } else { "s" })
+}
+
+/// What was found, with how far it reaches.
+fn told(ellipsoids: Vec<Ellipsoid>, mut description: String) -> Ellipsoids {
     let mut reaches: Vec<f64> =
         sampled_ids(ellipsoids.len(), SAMPLES).map(|id| ellipsoids[id].reach()).collect();
     let reach = quantiles(&mut reaches, [0.99]).map_or(0.0, |[reach]| reach);
     description += &format!(", up to {} from the center", short(reach));
-    Ok(Some(Ellipsoids { ellipsoids, reach: reach as f32, description }))
+    Ellipsoids { ellipsoids, reach: reach as f32, description }
 }
 
 /// Half axes, quaternions, exponents, what the first are multiplied with, and all in words.
@@ -220,7 +237,7 @@ mod tests {
         ]);
         let radii = Radii::Uniform(0.25);
         let spheres = Spheres { particles: &particles, radii: &radii, radius_scale: 2.0 };
-        let found = find(spheres, &Shaping::Auto).unwrap().unwrap();
+        let found = find(spheres, &Shaping::Auto, None).unwrap().unwrap();
         assert_eq!(
             found.description,
             "1 ellipsoid by diameters shapex shapey shapez quatw, 1 sphere, up to 4 from the center"
@@ -229,7 +246,7 @@ mod tests {
         assert_eq!((one.half_axes, one.particle), (DVec3::new(4.0, 2.0, 1.0), 0));
         assert!((one.turn * DVec3::X).abs_diff_eq(DVec3::Y, 1e-6), "turned by a quarter about z");
         assert_eq!((other.half_axes, other.turn), (DVec3::splat(0.5), DQuat::IDENTITY));
-        assert!(find(spheres, &Shaping::Spheres).unwrap().is_none());
+        assert!(find(spheres, &Shaping::Spheres, None).unwrap().is_none());
     }
 
     #[test]
@@ -246,7 +263,7 @@ mod tests {
             ("blockiness2", [3.0, 2.0]),
         ]);
         let spheres = Spheres { particles: &particles, radii: &Radii::Uniform(1.0), radius_scale: 1.0 };
-        let found = find(spheres, &Shaping::Auto).unwrap().unwrap();
+        let found = find(spheres, &Shaping::Auto, None).unwrap().unwrap();
         assert!(
             found
                 .description
@@ -262,17 +279,19 @@ mod tests {
     fn attributes_are_named_or_refused() {
         let particles = particles(&[("ax", [1.0, 2.0]), ("ay", [1.0, 1.0]), ("az", [0.0, 1.0])]);
         let spheres = Spheres { particles: &particles, radii: &Radii::Uniform(1.0), radius_scale: 1.0 };
-        assert!(find(spheres, &Shaping::Auto).unwrap().is_none());
-        let found = find(spheres, &"a".parse().unwrap()).unwrap().unwrap();
+        assert!(find(spheres, &Shaping::Auto, None).unwrap().is_none());
+        let found = find(spheres, &"a".parse().unwrap(), None).unwrap().unwrap();
         assert_eq!(found.ellipsoids[0].half_axes, DVec3::new(1.0, 1.0, 1e-3), "flat, but not lost");
-        let said = |text: &str| find(spheres, &text.parse().unwrap()).unwrap_err().to_string();
+        let said = |text: &str| find(spheres, &text.parse().unwrap(), None).unwrap_err().to_string();
         assert!(said("aa").contains("3 numbers a particle; did you mean 'a'?"), "{}", said("aa"));
         assert!(
             said("a,q").contains("--ellipsoids cannot be 'q' — an attribute of 4 numbers"),
             "{}",
             said("a,q")
         );
-        for bad in ["", "a,b,c,d", "a,", ",b"] {
+        let doubled = find(spheres, &"a".parse().unwrap(), Some(2.0)).unwrap().unwrap();
+        assert_eq!(doubled.ellipsoids[1].half_axes, DVec3::new(4.0, 2.0, 2.0));
+        for bad in ["", "a,b,c,d", "a,", ",b", "tensor:", "covariance:@voigt"] {
             assert!(bad.parse::<Shaping>().is_err(), "{bad}");
         }
     }

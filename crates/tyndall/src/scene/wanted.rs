@@ -24,7 +24,7 @@ pub struct Wanted {
     pub quantities: Vec<String>,
     /// Whether radii are those of the elements where the file has none.
     pub radii: bool,
-    /// Vectors that are drawn.
+    /// Vectors and tensors that are drawn.
     pub vectors: Vec<String>,
 }
 
@@ -78,6 +78,11 @@ impl Wanted {
             found &= flag_text(&mut flags, offered, &empty, text);
         }
         for name in &self.vectors {
+            if let Some(used) = ellipsoids::tensor_attributes(&empty, name) {
+                let used_by = |it: &Attribute| used.iter().any(|used| std::ptr::eq(*used, it));
+                flags.iter_mut().zip(empty.attributes()).for_each(|(flag, it)| *flag |= used_by(it));
+                continue;
+            }
             let mut flag_axis =
                 |axis| flag_text(&mut flags, offered, &empty, &written(name, Some(Component::Index(axis))));
             // All three are flagged; in the plane there are two.

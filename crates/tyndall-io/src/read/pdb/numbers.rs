@@ -1,5 +1,7 @@
 //! Numbers in columns that are too narrow for them.
 
+use std::collections::HashMap;
+
 use tyndall::particles::Values;
 
 use crate::read::molecules;
@@ -37,6 +39,15 @@ pub(super) fn serials(fields: &[[u8; 5]]) -> Values {
         })
         .collect();
     molecules::counted_on(&numbers, 99_999, 1)
+}
+
+/// Places by serial numbers as they are written; those that come twice, as in files of too many atoms, name none.
+pub(super) fn places(serials: &[[u8; 5]]) -> HashMap<&[u8], Option<u32>> {
+    let mut places: HashMap<&[u8], Option<u32>> = HashMap::with_capacity(serials.len());
+    for (place, serial) in serials.iter().enumerate() {
+        places.entry(serial.trim_ascii()).and_modify(|it| *it = None).or_insert(Some(place as u32));
+    }
+    places
 }
 
 #[cfg(test)]
