@@ -102,7 +102,7 @@ impl Layer {
                 Some(Lighting::Paths(Paths { lights, ..paths.clone() }))
             }
             (Self::Direct | Self::Ambient, _) => {
-                let allowed = "direct and ambient light are those of key light and sky, which headlight, flat and toon have not, nor an image";
+                let allowed = "direct and ambient light are those of looks other than headlight, flat and toon, without --light";
                 return Err(Error::setting("--layers", self.name(), allowed).into());
             }
             _ => None,

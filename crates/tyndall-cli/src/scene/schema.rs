@@ -26,7 +26,7 @@ fn schema(keys: &Keys) -> Value {
         .insert("grid".into(), table(grid_keys(), "A density from a file, in place of particles", &["file"]));
     tables.insert(
         "light".into(),
-        json!({ "type": "array", "items": light(), "description": "Lights of a medium" }),
+        json!({ "type": "array", "items": light(), "description": "Lights of a medium, or an image or sky that lights spheres" }),
     );
     tables.insert(
         "layer".into(),

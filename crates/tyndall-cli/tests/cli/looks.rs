@@ -141,7 +141,7 @@ fn an_image_lights_spheres_and_is_seen_behind_them() {
         ("--exposure 1", 2, ["--exposure", "--light image:FILE"]),
         ("--light sky:1 --device gpu", 2, ["--device", "--light"]),
         ("--light sky:1 --background sky --depth-cue", 2, ["--depth-cue", "--background sky"]),
-        ("--light sky:1 --layers direct -o f.exr", 2, ["--layers", "nor an image"]),
+        ("--light sky:1 --layers direct -o f.exr", 2, ["--layers", "without --light"]),
     ] {
         let output = if words.contains("-o") { "" } else { "-o f.png" };
         folder.render(&format!("a.xyz {words} {output}")).fails(code, &parts);
