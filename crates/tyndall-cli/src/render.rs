@@ -196,6 +196,11 @@ impl<'a> Job<'a> {
                 "--replicate is not for several layers — leave out one of them".into(),
             ));
         }
+        if let Some(name) = args.shapes.rods().filter(|_| images.is_some()) {
+            return Err(Failure::Usage(format!(
+                "{name} is not for --replicate, whose cells share edges — leave out one of them"
+            )));
+        }
         let beyond = images.map(|_| "--replicate").or(shape).or(args.look.drawn()).or(cut);
         looks::check(args)?;
         cut::check(args)?;
@@ -555,6 +560,9 @@ impl<'a> Job<'a> {
             scene.add_arrows(&arrows.arrows, arrows.radius)?;
         }
         self.meshes.add_to(&mut scene)?;
+        if let Some(warning) = self.args.shapes.add_cell(cell.as_ref(), &mut scene)? {
+            self.report.warn(warning);
+        }
         scene.set_opacity(opacities.as_deref())?;
         scene.set_motion(moves.as_deref())?;
         scene.set_cut(&cuts, self.args.cut.color());

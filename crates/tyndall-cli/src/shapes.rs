@@ -9,7 +9,7 @@ use tyndall::scene::ellipsoids::{self, Ellipsoids, Shaping};
 use tyndall::scene::{Scene, grouped};
 use tyndall::structure::Spheres;
 use tyndall::structure::shapes::Mesh;
-use tyndall::{Error, Result};
+use tyndall::{Cell, Error, Result};
 use tyndall_io::read;
 
 use crate::report::counted;
@@ -26,6 +26,13 @@ pub(crate) struct Shapes {
     /// Color of a mesh, #rrggbb or a color's name: one for all, or repeated, one for each [default: light gray]
     #[arg(long, value_name = "COLOR", value_parser = coloring::color, requires = "mesh")]
     mesh_color: Vec<[u8; 3]>,
+    /// The edges of the simulation's cell as rods of that radius among the particles, in their light and with shadows, in place of the lines of --cell; auto is a 200th of the
+    /// shortest edge
+    #[arg(long, value_name = "R", value_parser = rod, num_args = 0..=1, default_missing_value = "auto", conflicts_with = "cell")]
+    cell_radius: Option<Rod>,
+    /// Color of the rods, #rrggbb or a color's name [default: dark gray]
+    #[arg(long, value_name = "COLOR", value_parser = coloring::color, requires = "cell_radius")]
+    cell_color: Option<[u8; 3]>,
     /// Particles as ellipsoids or superquadrics, if the file has what LAMMPS (shapex quatw) or LIGGGHTS (shapex quat1 blockiness1) writes (auto); none for
     /// spheres; or by attributes of three half axes, of a quaternion, w first, and of two exponents: HALF_AXES, HALF_AXES,QUATERNION or all three; or by a symmetric tensor of six
     /// (xx yy zz xy xz yz) or nine numbers, along its principal axes: tensor:NAME, as long as its eigenvalues without their signs (stress), or covariance:NAME, as their roots
@@ -51,6 +58,19 @@ pub(crate) struct Shapes {
     pub(crate) arrows_only: bool,
 }
 
+/// The radius of the cell's edges; none if it is to be found.
+#[derive(Clone, Copy)]
+struct Rod(Option<f32>);
+
+fn rod(text: &str) -> Result<Rod> {
+    if text == "auto" { Ok(Rod(None)) } else { length(text).map(|radius| Rod(Some(radius))) }
+}
+
+/// Radius of the cell's edges over the length of the shortest one.
+const ROD_SHARE: f64 = 0.005;
+/// Their gray, which is seen before a white background.
+const ROD_COLOR: [u8; 3] = [0x50; 3];
+
 /// The gray of walls, which leaves colors to the particles.
 const MESH_COLOR: [u8; 3] = [0xb8; 3];
 
@@ -59,7 +79,22 @@ impl Shapes {
     pub(crate) fn name(&self) -> Option<&'static str> {
         let arrows = self.arrows.as_ref().map(|_| "--arrows");
         let ellipsoids = self.has_given_ellipsoids().then_some("--ellipsoids");
-        arrows.or(ellipsoids).or((!self.mesh.is_empty()).then_some("--mesh"))
+        arrows.or(ellipsoids).or((!self.mesh.is_empty()).then_some("--mesh")).or(self.rods())
+    }
+
+    /// The flag that asks for the cell as rods, if it is given.
+    pub(crate) fn rods(&self) -> Option<&'static str> {
+        self.cell_radius.map(|_| "--cell-radius")
+    }
+
+    /// Shows the edges of the cell in a scene, if that is wanted; a warning if there is no cell.
+    pub(crate) fn add_cell(&self, cell: Option<&Cell>, scene: &mut Scene) -> Result<Option<&'static str>> {
+        let Some(Rod(radius)) = self.cell_radius else { return Ok(None) };
+        let Some(cell) = cell else { return Ok(Some("--cell-radius: the file has no cell")) };
+        let shortest = cell.edges().map(|[from, to]| from.distance(to)).fold(f64::INFINITY, f64::min);
+        let radius = radius.unwrap_or((ROD_SHARE * shortest) as f32);
+        scene.add_cell(cell, radius, linear(self.cell_color.unwrap_or(ROD_COLOR)))?;
+        Ok(None)
     }
 
     /// Whether shapes need the particles as a whole.

@@ -207,6 +207,15 @@ impl Cell {
             self.origin + edges.sum::<DVec3>()
         })
     }
+
+    /// The twelve edges, from corner to corner, without those that have no length.
+    pub fn edges(&self) -> impl Iterator<Item = [DVec3; 2]> + use<> {
+        let corners = self.corners();
+        let ends = (0..8).flat_map(|corner| (0..3).map(move |axis| (corner, corner | 1 << axis)));
+        ends.filter(|(one, other)| one != other)
+            .map(move |(one, other)| [corners[one], corners[other]])
+            .filter(|[one, other]| one != other)
+    }
 }
 
 /// What a reader hands over: nothing is checked yet.

@@ -164,6 +164,33 @@ fn tensors_are_ellipsoids_along_their_principal_axes() {
 }
 
 #[test]
+fn the_cell_is_rods_among_the_particles() {
+    let folder = Folder::new();
+    // Edges from 0 to 4; one particle before the edge along y at x = 4, one within the cell.
+    folder.file("a.dump", dump("id type x y z", 4.0, &["1 1 4 2 1", "2 1 2 2 2"]));
+    let view = "--eye 2,2,20 --look-at 2,2,0 --up 0,1,0 --ortho 8 --radius 0.5 --look flat --color #ff0000 --background none";
+    folder.render(&format!("a.dump -o a.png {view} --cell-radius 0.3 --cell-color #0000ff")).fine();
+    let (red, blue, none) = ([255, 0, 0, 255], [0, 0, 255, 255], [0; 4]);
+    // From the middle of the picture, which is that of the cell: an edge at z = 4 stands before the particle at z = 1.
+    let seen = [[2, 0], [-2, 1], [1, 2], [0, 0], [1, 1]].map(|at| color(&folder, "a.png", at));
+    assert_eq!(seen, [blue, blue, blue, red, none]);
+    folder.render(&format!("a.dump -o b.png {view} --cell-radius --look matte")).fine();
+    folder.file("a.xyz", super::line_of(2));
+    let said = folder.render("a.xyz -o c.png --cell-radius").fine();
+    assert!(said.contains("--cell-radius: the file has no cell"), "{said}");
+    for (words, parts) in [
+        ("--cell-radius 0", ["--cell-radius", "greater than 0"]),
+        ("--cell-radius --cell", ["--cell-radius", "--cell"]),
+        ("--cell-color red", ["--cell-radius", "required"]),
+        ("--cell-radius --replicate 2", ["--cell-radius", "--replicate"]),
+        ("--cell-radius --device gpu", ["--device", "--cell-radius"]),
+        ("--cell-radius --mode project", ["--cell-radius", "for spheres"]),
+    ] {
+        folder.render(&format!("a.dump -o n.png {words}")).fails(2, &parts);
+    }
+}
+
+#[test]
 fn shapes_that_cannot_be_are_refused() {
     let folder = Folder::new();
     folder.file("a.dump", dump("id type x y z", 4.0, &["1 1 0.5 1 1", "2 1 1.5 1 1"]));

@@ -1,7 +1,7 @@
 //! The outline of the simulation's cell: lines in space, hidden where the picture shows something nearer.
 
 use tyndall::scene::camera::{Camera, View};
-use tyndall::{Cell, DVec3, Result, Vec3};
+use tyndall::{Cell, Result, Vec3};
 
 use super::mark::{Ink, stroke};
 use super::raster::{Canvas, mask};
@@ -46,7 +46,7 @@ impl Annotations {
         let near = if view.perspective { NEAREST * distance } else { 0.0 };
         let line = (0.07 * self.em(size)).max(1.0);
         let canvas = Canvas { size, text: self.ink(behind), rim: [0.0; 3] };
-        for [from, to] in edges(cell) {
+        for [from, to] in cell.edges() {
             let ends = [from, to].map(|corner| inside(&view, (corner - camera.look_at).as_vec3()));
             let Some(ends) = clipped(ends, near) else { continue };
             let [start, end] = ends.map(|end| pixel(&view, end));
@@ -69,15 +69,6 @@ impl Annotations {
         }
         Ok(())
     }
-}
-
-/// The twelve edges, without those that have no length.
-fn edges(cell: &Cell) -> impl Iterator<Item = [DVec3; 2]> {
-    let corners = cell.corners();
-    let ends = (0..8).flat_map(|corner| (0..3).map(move |axis| (corner, corner | 1 << axis)));
-    ends.filter(|(one, other)| one != other)
-        .map(move |(one, other)| [corners[one], corners[other]])
-        .filter(|[one, other]| one != other)
 }
 
 /// How far a point is to the right, up and forward from the eye.
@@ -145,6 +136,7 @@ fn distance_along(view: &View, ends: [Vec3; 2], at: [f32; 2]) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use tyndall::DVec3;
     use tyndall::scene::camera::Projection;
 
     fn camera(projection: Projection) -> Camera {
@@ -168,7 +160,7 @@ mod tests {
             let camera = camera(projection);
             let view = camera.view(camera.look_at, 120, 90).unwrap();
             let points: Vec<[Vec3; 2]> =
-                edges(&cell()).map(|edge| edge.map(|end| (end - camera.look_at).as_vec3())).collect();
+                cell().edges().map(|edge| edge.map(|end| (end - camera.look_at).as_vec3())).collect();
             assert_eq!(points.len(), 12);
             // The slow way: by how much each pixel's ray passes each edge, in pixels, and how far that is from the eye.
             let passes = |x: usize, y: usize| -> Vec<(f32, f32)> {
@@ -224,6 +216,6 @@ mod tests {
         assert_eq!(within([[-10.0, 50.0], [30.0, 50.0]], [20, 10], 0.0), None);
         let flat =
             Cell { vectors: [DVec3::X, DVec3::Y, DVec3::ZERO], origin: DVec3::ZERO, periodic: [true; 3] };
-        assert_eq!(edges(&flat).count(), 8, "twice the four of a square");
+        assert_eq!(flat.edges().count(), 8, "twice the four of a square");
     }
 }

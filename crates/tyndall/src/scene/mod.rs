@@ -38,6 +38,7 @@ pub mod wanted;
 use crate::error::{Error, Result};
 use crate::frozen::Frozen;
 use crate::math::Ray;
+use crate::particles::Cell;
 use crate::structure::replicas::Replicas;
 use crate::structure::selection::Column;
 use crate::structure::shapes::{Arrow, Ellipsoid, Mesh, Segment, Shapes};
@@ -168,6 +169,13 @@ impl Scene {
     /// Fails with [`Error::Setting`](crate::Error::Setting) if there are too many nodes.
     pub fn add_mesh(&mut self, mesh: &Mesh, color: [f32; 3]) -> Result<()> {
         self.add(|shapes, structure| shapes.add_mesh(structure, mesh, color))
+    }
+
+    /// Shows the edges of a cell as rods of that radius and color (linear RGB), which belong to no particle, as a mesh does.
+    ///
+    /// Fails with [`Error::Setting`](crate::Error::Setting) if the radius is not a number above 0, or there are too many nodes.
+    pub fn add_cell(&mut self, cell: &Cell, radius: f32, color: [f32; 3]) -> Result<()> {
+        self.add(|shapes, structure| shapes.add_rods(structure, cell.edges(), radius, color))
     }
 
     fn add(&mut self, add: impl FnOnce(&mut Shapes, &Structure) -> Result<()>) -> Result<()> {

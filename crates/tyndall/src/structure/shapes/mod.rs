@@ -1,4 +1,4 @@
-//! Exact shapes beside the particles: cylinders of bonds, triangles of meshes, cylinders and cones of arrows, ellipsoids, superquadrics.
+//! Exact shapes beside the particles: cylinders of bonds, rods, triangles of meshes, cylinders and cones of arrows, ellipsoids, superquadrics.
 //!
 //! They stand in a hierarchy of their own, over balls around them or around parts of them, and are asked after the particles. A shape has two
 //! nodes behind those of the particles: bonds have two halves, which belong to the particles that they join.
@@ -15,7 +15,7 @@ mod triangle;
 
 use std::sync::Arc;
 
-use glam::{DVec3, Vec3};
+use glam::{DQuat, DVec3, Vec3};
 
 use super::Structure;
 use super::bvh::{Bvh, Packing};
@@ -155,7 +155,7 @@ impl Shape {
 pub(crate) enum Owner {
     /// Particles: its halves belong to those at these nodes.
     Particles([u32; 2]),
-    /// A mesh, by its number.
+    /// A mesh, or rods, by their number.
     Mesh(u32),
 }
 
@@ -165,7 +165,7 @@ pub(crate) struct Shapes {
     shapes: Arc<Vec<Shape>>,
     /// By shape.
     owners: Arc<Vec<Owner>>,
-    /// By mesh: linear RGB.
+    /// By mesh, or rods: linear RGB.
     colors: Vec<[f32; 3]>,
     /// Over the balls of those that are shown.
     bvh: Bvh,
@@ -270,6 +270,44 @@ impl Shapes {
         // About as many balls as triangles, and some hundreds more, so that a wall of two triangles is not a single ball.
         self.mesh_ball = (area / (count + 256.0)).sqrt() as f32;
         Ok(())
+    }
+
+    /// Adds rods with round ends, of a color, linear RGB, between places in the particles' coordinates; what has no length is left out.
+    ///
+    /// Fails with [`Error::Setting`] if the radius is not a number above 0, or there are too many.
+    pub(crate) fn add_rods(
+        &mut self,
+        structure: &Structure,
+        rods: impl Iterator<Item = [DVec3; 2]>,
+        radius: f32,
+        color: [f32; 3],
+    ) -> Result<()> {
+        if !(radius > 0.0 && radius.is_finite()) {
+            return Err(Error::setting("--cell-radius", radius, "a number above 0"));
+        }
+        let owner = Owner::Mesh(self.colors.len() as u32);
+        self.colors.push(color);
+        let place = |point: DVec3| (point - structure.origin()).as_vec3();
+        let mut ends: Vec<DVec3> = Vec::new();
+        for [from, to] in rods {
+            // Pieces, so that no ball around one is as large as the scene.
+            let at = |piece: u32| place(from.lerp(to, f64::from(piece) / f64::from(PIECES)));
+            for piece in 0..PIECES {
+                let cylinder = Cylinder::between([at(piece), at(piece + 1)], radius);
+                cylinder.into_iter().for_each(|it| self.push(Shape::Cylinder(it), owner));
+            }
+            ends.extend([from, to].into_iter().filter(|end| !ends.contains(end)).collect::<Vec<_>>());
+        }
+        for end in ends {
+            let ball = Ellipsoid {
+                particle: 0,
+                half_axes: DVec3::splat(radius.into()),
+                turn: DQuat::IDENTITY,
+                exponents: Ellipsoid::ROUND,
+            };
+            self.push(Shape::Ellipsoid(Stretched::new(place(end), &ball)), owner);
+        }
+        self.check(structure, "--cell-radius")
     }
 
     fn push(&mut self, shape: Shape, owner: Owner) {
@@ -432,6 +470,9 @@ impl Shapes {
         best
     }
 }
+
+/// Pieces of a rod.
+const PIECES: u32 = 32;
 
 /// How often a triangle is halved at most.
 const MOST_HALVES: u32 = 12;
