@@ -1,7 +1,7 @@
 //! Opaque spheres in media against closed forms, and the cache, the march and photons against the reference.
 
 use super::*;
-use crate::particles::{Columns, Particles, Radii};
+use crate::particles::{Columns, Particles, Positions, Radii};
 use crate::render::medium::solids::Solids;
 use crate::scene::Scene;
 use crate::scene::color::ParticleColors;
@@ -10,8 +10,7 @@ use crate::structure::{Kind, Structure};
 
 /// Spheres of one radius and color, as the medium is measured.
 fn spheres(centers: &[Vec3], radius: f32, color: [f32; 3]) -> Scene {
-    let mut columns = Columns::default();
-    columns.positions = crate::particles::Positions::around(DVec3::ZERO);
+    let mut columns = Columns { positions: Positions::around(DVec3::ZERO), ..Columns::default() };
     columns.positions.extend(&centers.iter().map(|it| it.as_dvec3()).collect::<Vec<_>>());
     let particles = Particles::new(columns).unwrap();
     let structure = Structure::build(Kind::default(), particles, &Radii::Uniform(radius), 1.0, &()).unwrap();
