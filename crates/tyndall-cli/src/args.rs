@@ -405,9 +405,12 @@ pub(crate) struct CameraArgs {
     /// Frames far outliers too
     #[arg(long)]
     pub(crate) frame_all: bool,
+    /// Frames what --filter, --select, --clip and --cut leave of the first frame, instead of all particles; media and maps frame what is kept in any case
+    #[arg(long)]
+    pub(crate) frame_shown: bool,
 }
 
-/// Which particles are shown; the others cast no shadow either. Camera and colors are those of all.
+/// Which particles are shown; the others cast no shadow either. Camera and colors are those of all, unless --frame-shown moves the camera.
 #[derive(Args)]
 #[command(next_help_heading = "Selection")]
 pub(crate) struct Selection {

@@ -423,6 +423,7 @@ impl<'a> Job<'a> {
         if all > count {
             self.check_memory(&Work::of_count(all as u64, self.structure, self.settings), Reading::Whole)?;
         }
+        let frames_shown = is_first && self.args.camera.frame_shown;
 
         // Guess what is not said.
         let guessing = Instant::now();
@@ -481,7 +482,7 @@ impl<'a> Job<'a> {
             let Settings { width, height, .. } = self.settings;
             let view = camera.view(particles.positions().origin(), width, height)?;
             let sample = opened.as_ref().map_or(spheres, |opened| opened.spheres(spheres.radius_scale));
-            let has_spheres = ellipsoids.is_none() && !self.args.shapes.arrows_only;
+            let has_spheres = ellipsoids.is_none() && !self.args.shapes.arrows_only && !frames_shown;
             if let Some(warning) = too_small(sample, &view).filter(|_| has_spheres) {
                 self.report.warn(&warning);
             }
@@ -502,7 +503,7 @@ impl<'a> Job<'a> {
             self.report.detail(format_args!("frame {number}: {}", guesses.join(" · ")));
         }
         self.report.detail(format_args!("guessing: {}", seconds(guessing.elapsed().as_secs_f64())));
-        if pictures.is_empty() {
+        if pictures.is_empty() && !frames_shown {
             return Ok(());
         }
 
@@ -571,6 +572,14 @@ impl<'a> Job<'a> {
         if let Some(text) = hidden.or(share) {
             self.tell(is_first, &text);
             guesses.push(text);
+        }
+        let shown = if frames_shown { self.shown(&scene, around.map(|(radii, _)| radii)) } else { None };
+        if let (Some(kept), Some((camera, outline))) = (kept.as_mut(), &shown) {
+            (kept.camera, kept.outline) = (*camera, outline.clone());
+        }
+        let (camera, outline) = shown.unwrap_or((camera, outline));
+        if pictures.is_empty() {
+            return Ok(());
         }
         let loading = Instant::now();
         let loaded = self.renders.load(&scene, held, self.report)?;
@@ -736,6 +745,9 @@ impl<'a> Job<'a> {
         if self.viewpoint.lens == Lens::Panorama {
             return (camera, outline, "panorama from the middle".into());
         }
+        if self.args.camera.frame_shown {
+            return (camera, outline, "framed on what is shown".into());
+        }
         if !layers.is_empty() {
             return (camera, outline, "framed on all layers".into());
         }
@@ -743,6 +755,28 @@ impl<'a> Job<'a> {
             self.report.warn(&warning);
         }
         (camera, outline, framing.description)
+    }
+
+    /// The camera that frames what a scene shows, and the outline of that; none if nothing is shown. `around` are radii of the spheres around other shapes that stand in
+    /// place of spheres.
+    fn shown(&self, scene: &Scene, around: Option<Radii>) -> Option<(Camera, Outline)> {
+        let outliers = if self.args.camera.frame_all { Outliers::Shown } else { Outliers::Left };
+        let least_radius = match around {
+            Some(Radii::Uniform(radius)) => radius,
+            _ => 0.0,
+        };
+        let (Shown { framing, outline }, particles) = Shown::of_scene(scene, least_radius, outliers)?;
+        let Settings { width, height, .. } = self.settings;
+        let camera = self.viewpoint.camera(&outline, f64::from(width) / f64::from(height));
+        if let Some(warning) = framing.warning.filter(|_| self.viewpoint.eye.is_none()) {
+            self.report.warn(&warning);
+        }
+        let spheres = Spheres { particles: &particles, radii: particles.radii()?, radius_scale: 1.0 };
+        let view = camera.view(scene.structure().origin(), width, height).ok()?;
+        if let Some(warning) = too_small(spheres, &view).filter(|_| !self.args.shapes.arrows_only) {
+            self.report.warn(&warning);
+        }
+        Some((camera, outline))
     }
 
     fn colors(&self, particles: &Particles, kept: Option<&Kept>) -> Outcome<ParticleColors> {

@@ -3,12 +3,14 @@
 use tyndall::DVec3;
 use tyndall::progress::Progress;
 use tyndall::scene::Scene;
+use tyndall::scene::automatic::Outliers;
+use tyndall::scene::guesses::Shown;
 use tyndall::scene::light::Lighting;
 use tyndall::scene::outline::Outline;
 use tyndall::structure::{Kind, Structure};
 
 use super::Job;
-use super::args::{CacheName, MethodName, Shown};
+use super::args::{self, CacheName, MethodName};
 use crate::args::Render;
 use crate::looks::{self, LightLook};
 use crate::report::{Failure, Outcome};
@@ -28,10 +30,10 @@ pub(super) fn check(medium: &Render, spheres: &[&Render]) -> Outcome<()> {
     if spheres.is_empty() {
         return Ok(());
     }
-    let args = &medium.medium;
+    let asked = &medium.medium;
     let of_medium = [
-        (args.cache == CacheName::Off && args.method != MethodName::Reference, "--cache off"),
-        (args.show != Shown::Light, "--show"),
+        (asked.cache == CacheName::Off && asked.method != MethodName::Reference, "--cache off"),
+        (asked.show != args::Shown::Light, "--show"),
     ];
     for layer in spheres {
         let look = &layer.look;
@@ -45,7 +47,7 @@ pub(super) fn check(medium: &Render, spheres: &[&Render]) -> Outcome<()> {
             (look.aperture.is_some(), "--aperture"),
             (layer.cut.name().is_some(), "--cut"),
             (
-                layer.medium.emission.is_some() && args.cache == CacheName::Photons,
+                layer.medium.emission.is_some() && asked.cache == CacheName::Photons,
                 "--cache photons with --emission",
             ),
             (layer.illustrate.name().is_some(), layer.illustrate.name().unwrap_or_default()),
@@ -72,7 +74,7 @@ impl Bodies {
             return Ok(None);
         }
         let frames = job.spheres.read(number, kept, job.report)?;
-        let outlines = frames.iter().map(|frame| frame.outline.clone()).collect();
+        let mut outlines: Vec<Outline> = frames.iter().map(|frame| frame.outline.clone()).collect();
         let descriptions = frames.iter().map(|frame| frame.description.clone()).collect();
         let kept = sources::kept(&frames);
         let Together { particles, radii, radius_scale, colors, beside } =
@@ -81,6 +83,10 @@ impl Bodies {
         let structure = Structure::build(Kind::default(), particles, &radii, radius_scale, progress)?;
         let mut scene = Scene::new(structure, colors, Lighting::Flat, None);
         beside.add_to(&mut scene)?;
+        if job.args.camera.frame_shown {
+            let shown = Shown::of_scene(&scene, 0.0, Outliers::Left);
+            outlines = shown.map(|(shown, _)| shown.outline).into_iter().collect();
+        }
         Ok(Some(Self { scene, outlines, descriptions, kept }))
     }
 }

@@ -34,6 +34,46 @@ fn cut_surfaces_are_as_large_as_they_are_in_the_color_that_is_said() {
 }
 
 #[test]
+fn what_is_shown_fills_the_picture_where_that_is_asked_for() {
+    let folder = Folder::new();
+    folder.file("a.xyz", line_of(9));
+    folder.file("b.xyz", line_of(2));
+    folder.line("build a.xyz -o a.tyn --radius 0.5").fine();
+    let picture = |name: &str, words: &str| {
+        let words =
+            format!("render --size 48x32 --samples 4 -o {name} --look flat --color gray --view y {words}");
+        let told = folder.line(&words).fine();
+        (told, png(&folder.path(name)).0)
+    };
+    let (_, all) = picture("all.png", "a.xyz --radius 0.5 --select x<2");
+    let (told, shown) = picture("shown.png", "a.xyz --radius 0.5 --select x<2 --frame-shown");
+    assert!(told.contains("framed on what is shown"), "{told}");
+    let (_, alone) = picture("alone.png", "b.xyz --radius 0.5");
+    let differing =
+        |one: &[u8], other: &[u8]| one.iter().zip(other).filter(|(a, b)| a.abs_diff(**b) > 64).count();
+    assert!(differing(&shown, &alone) < 30 && differing(&all, &shown) > 300);
+    let (_, of_cut) = picture("cut.png", "a.xyz --radius 0.5 --cut x<1.49 --frame-shown");
+    assert!(differing(&of_cut, &alone) < 30);
+    assert_eq!(picture("saved.png", "a.tyn --select x<2 --frame-shown").1, shown);
+    // The camera is that of the first frame, also where its picture is there already.
+    folder.file("s.xyz", line_of(9) + &line_of(5).replace("Cu 1.0", "Cu 1.9"));
+    let frames = |words: &str| {
+        let words = format!("s.xyz --radius 0.5 --select x<2 --frame-shown {words}");
+        folder
+            .line(&format!("render --size 48x32 --samples 4 --look flat --color gray --view y {words}"))
+            .fine();
+    };
+    frames("-o s.%d.png --frames :");
+    frames("-o own.png --frame 1");
+    let second = png(&folder.path("s.1.png")).0;
+    assert!(differing(&second, &png(&folder.path("own.png")).0) > 100);
+    std::fs::remove_file(folder.path("s.1.png")).unwrap();
+    frames("-o s.%d.png --frames : --skip-existing");
+    assert_eq!(png(&folder.path("s.1.png")).0, second);
+    assert_eq!(png(&folder.path("s.0.png")).0, shown);
+}
+
+#[test]
 fn what_does_not_go_with_cuts_is_refused_before_the_work() {
     let folder = Folder::new();
     folder.file("a.xyz", line_of(3));
@@ -50,6 +90,6 @@ fn what_does_not_go_with_cuts_is_refused_before_the_work() {
     ] {
         folder.render(&format!("a.xyz -o a.png {words}")).fails(2, &parts);
     }
-    folder.render("a.xyz -o a.png --cut z<-3").fails(3, &["--cut 'z<-3' leaves", "x -0.5..2.5"]);
+    folder.render("a.xyz -o a.png --cut z<-3").fails(3, &["--cut 'z<-3' leaves", "x -1.4..3.4"]);
     assert_eq!(folder.names(), ["a.xyz"]);
 }

@@ -43,6 +43,12 @@ impl Cut {
         is_met.then_some([enter, leave])
     }
 
+    /// Whether a sphere reaches into what is left; one outside of an edge or a corner may be said to.
+    pub(super) fn reaches(&self, center: Vec3, radius: f32) -> bool {
+        let center = center.as_dvec3();
+        self.sides.iter().all(|side| side.normal.dot(center) - side.distance <= f64::from(radius))
+    }
+
     /// The normal of the side on which a point lies by which a ray in `direction` came in.
     pub(crate) fn normal(&self, point: Vec3, direction: Vec3) -> Vec3 {
         let (point, toward) = (point.as_dvec3(), direction.as_dvec3());

@@ -11,9 +11,11 @@ use crate::particles::{Attribute, Columns, Particles, Positions, Radii, Values};
 use crate::render::illustration::{Contours, Illustration};
 use crate::render::{Culling, Renderer, Settings, certified, confidence};
 use crate::scene::Scene;
+use crate::scene::automatic::Outliers;
 use crate::scene::camera::{Camera, Projection};
 use crate::scene::color::{ParticleColors, resolve};
 use crate::scene::coloring::{Mapping, Range};
+use crate::scene::guesses::Shown;
 use crate::scene::light::{KeyLight, Lighting, Lights, Paths, Sky};
 use crate::scene::material::Material;
 use crate::structure::replicas::Replicas;
@@ -224,7 +226,11 @@ fn all_structures_and_images_show_the_same() {
         let mut random = Random::new(12_200 + seed);
         let counts = [[1; 3], [2, 1, 2]][seed as usize % 2];
         let [(one, radii), (copies, all_radii)] = replicas::particles(60, counts, &mut random);
-        let camera = replicas::camera(&mut random);
+        let look_at = copies.bounds().center().as_dvec3();
+        // Moving it back by the cell's edges rounds nothing: see `replicas`.
+        let eye = look_at + 30.0 * random.vector().abs().normalize_or(Vec3::X).as_dvec3();
+        let projection = Projection::Perspective { vertical_angle: 0.25 };
+        let camera = Camera { eye, look_at, up: DVec3::new(0.3, 0.2, 1.0), projection };
         let view = camera.view(DVec3::ZERO, 33, 21).unwrap();
         let lighting = || match seed % 3 {
             0 => Lighting::Headlight,
@@ -238,6 +244,7 @@ fn all_structures_and_images_show_the_same() {
         let opacity: Vec<f32> = (0..60).map(|id| [1.0, 0.5][id % 2]).collect();
         let picture = |mut scene: Scene| {
             scene.set_cut(&sides, None);
+            scene.scale_radii(1.5);
             if seed % 4 == 3 {
                 scene.set_opacity(Some(&opacity.repeat(scene.structure().len() / 60))).unwrap();
             }
@@ -264,7 +271,7 @@ fn all_structures_and_images_show_the_same() {
             assert_eq!(differing_pixels(&expected, &replicated(kind)), 0, "seed {seed}: {kind:?}");
         }
     }
-    assert!(met > 1000, "only {met} pixels show anything");
+    assert!(met > 800, "only {met} pixels show anything");
     // Of packed leaves what they decode.
     let mut random = Random::new(12_290);
     let (particles, radii) = particles(Law::Uniform, 300, &mut random);
@@ -401,6 +408,48 @@ fn caps_of_two_particles_have_a_line_between_them() {
     let found = [at(0.0, 0.0), at(0.0, 0.7), at(-1.6, 0.0), at(0.6, 1.0)];
     assert_eq!(found, [true; 4]);
     assert!(!at(-0.6, 0.0) && !at(0.6, 0.3) && !at(0.3, 0.0));
+}
+
+#[test]
+fn what_is_shown_is_framed_as_if_there_were_nothing_else() {
+    let mut random = Random::new(12_400);
+    let counts = [2, 1, 1];
+    let [(one, radii), (copies, all_radii)] = replicas::particles(300, counts, &mut random);
+    let middle = copies.bounds().center();
+    let (rule, cut) = (
+        HalfSpace { normal: DVec3::Y, distance: f64::from(middle.y) },
+        HalfSpace { normal: DVec3::NEG_X, distance: f64::from(-middle.x) },
+    );
+    for kind in [KINDS[0], KINDS[1], KINDS[2]] {
+        for least_radius in [0.0, 0.4] {
+            let mut scene = scene(&one, &radii, kind, Lighting::Flat);
+            scene.replicate(&Replicas::new(one.cell(), counts).unwrap()).unwrap();
+            scene.select(&[], &[rule]).unwrap();
+            scene.set_cut(&[cut], None);
+            let (found, particles) = Shown::of_scene(&scene, least_radius, Outliers::Shown).unwrap();
+            // Rules decide for all images by the particles themselves.
+            let size = |id: usize| copies.radius(&all_radii, id).max(least_radius);
+            let is_wanted = |id: &usize| {
+                one.positions().world(id % 300).y <= rule.distance
+                    && copies.positions().world(*id).x + f64::from(size(*id)) >= -cut.distance
+            };
+            let wanted: Vec<([f64; 3], f32)> = (0..copies.len())
+                .filter(is_wanted)
+                .map(|id| (copies.positions().world(id).to_array(), size(id)))
+                .collect();
+            assert!(particles.len() == wanted.len() && wanted.len() > 50 && wanted.len() < 450);
+            let wanted = spheres(&wanted);
+            let wanted = Spheres { particles: &wanted, radii: &RADII, radius_scale: 1.0 };
+            let wanted = Shown::of(wanted, Outliers::Shown);
+            assert_eq!(found.framing.bounds, wanted.framing.bounds);
+            assert_eq!(found.outline.center, wanted.outline.center);
+            for (found, wanted) in found.outline.points.iter().zip(&wanted.outline.points) {
+                assert!(found.distance(*wanted) < 1e-4, "{found} {wanted}");
+            }
+            scene.set_cut(&[HalfSpace { distance: -1e3, ..cut }], None);
+            assert!(Shown::of_scene(&scene, least_radius, Outliers::Shown).is_none());
+        }
+    }
 }
 
 #[test]
