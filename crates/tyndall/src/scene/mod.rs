@@ -144,21 +144,21 @@ impl Scene {
 
     /// Joins particles by cylinders of that radius, between what the ids of `segments` name; what has no length, or an id that is none, is left out.
     ///
-    /// Fails with [`Error::Setting`](crate::Error::Setting) if the radius is not a number above 0, or there are too many nodes.
+    /// Fails with [`Error::Setting`] if the radius is not a number above 0, or there are too many nodes.
     pub fn bond(&mut self, segments: &[Segment], radius: f32) -> Result<()> {
         self.add(|shapes, structure| shapes.add_bonds(structure, segments, radius))
     }
 
     /// Shows arrows of particles, in their colors, with shafts of that radius.
     ///
-    /// Fails with [`Error::Setting`](crate::Error::Setting) if the radius is not a number above 0, or there are too many nodes.
+    /// Fails with [`Error::Setting`] if the radius is not a number above 0, or there are too many nodes.
     pub fn add_arrows(&mut self, arrows: &[Arrow], radius: f32) -> Result<()> {
         self.add(|shapes, structure| shapes.add_arrows(structure, arrows, radius))
     }
 
     /// Shows ellipsoids around the centers of particles, in their colors. Their spheres stay what they are: with radii scaled by 0 they are not seen.
     ///
-    /// Fails with [`Error::Setting`](crate::Error::Setting) if a half axis is not a number above 0, or there are too many nodes.
+    /// Fails with [`Error::Setting`] if a half axis is not a number above 0, or there are too many nodes.
     pub fn add_ellipsoids(&mut self, ellipsoids: &[Ellipsoid]) -> Result<()> {
         self.add(|shapes, structure| shapes.add_ellipsoids(structure, ellipsoids))
     }
@@ -166,14 +166,14 @@ impl Scene {
     /// Shows a mesh of a color (linear RGB) beside the particles, from both sides; periodic images have images of it. It belongs to no particle, so that
     /// no filter hides it, and has the id -1.
     ///
-    /// Fails with [`Error::Setting`](crate::Error::Setting) if there are too many nodes.
+    /// Fails with [`Error::Setting`] if there are too many nodes.
     pub fn add_mesh(&mut self, mesh: &Mesh, color: [f32; 3]) -> Result<()> {
         self.add(|shapes, structure| shapes.add_mesh(structure, mesh, color))
     }
 
     /// Shows the edges of a cell as rods of that radius and color (linear RGB), which belong to no particle, as a mesh does.
     ///
-    /// Fails with [`Error::Setting`](crate::Error::Setting) if the radius is not a number above 0, or there are too many nodes.
+    /// Fails with [`Error::Setting`] if the radius is not a number above 0, or there are too many nodes.
     pub fn add_cell(&mut self, cell: &Cell, radius: f32, color: [f32; 3]) -> Result<()> {
         self.add(|shapes, structure| shapes.add_rods(structure, cell.edges(), radius, color))
     }
