@@ -1,7 +1,7 @@
 //! What is written into a picture so that it can be made again: version, command line, inputs, settings, guesses.
 
 use std::fs;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::time::{SystemTime, UNIX_EPOCH};
 
 use tyndall::render::Settings;
@@ -51,7 +51,9 @@ pub(crate) fn software() -> String {
 }
 
 fn common(args: &Render, paths: &[&Path], settings: &Settings, guesses: &[String]) -> Vec<(String, String)> {
-    let inputs: Vec<String> = paths.iter().map(|path| input(path)).collect();
+    // Other layers read others.
+    let others = args.origin.files.iter().map(PathBuf::as_path).filter(|path| !paths.contains(path));
+    let inputs: Vec<String> = paths.iter().copied().chain(others).map(input).collect();
     let Settings { width, height, samples, seed, culling } = settings;
     let culling = culling::description(culling);
     let entries = [

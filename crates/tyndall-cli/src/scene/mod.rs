@@ -44,6 +44,8 @@ pub(crate) struct Origin {
     pub(crate) text: String,
     /// The picture that is made anew.
     pub(crate) again: Option<Again>,
+    /// Where there are layers, the files of all of them.
+    pub(crate) files: Vec<PathBuf>,
     /// The scene file to write, and what to write.
     saved: Option<(PathBuf, String)>,
     warnings: Vec<String>,
@@ -151,9 +153,16 @@ pub(crate) fn command_line(words: Vec<OsString>) -> Result<Cli, Refused> {
             to: asked.output.clone().unwrap_or_else(|| picture.clone()),
         }),
         grid: asked.grid.clone(),
+        files: Vec::new(),
     };
     let sources = layers.iter().map(|layer| layer::render(&keys, (layer, given), &args.origin));
     args.layers.sources = sources.collect::<Outcome<Vec<_>>>()?;
+    if !args.layers.sources.is_empty() {
+        let of_layers = args.layers.sources.iter().flat_map(|layer| layer.input.files.clone());
+        let files: Vec<PathBuf> = args.input.files.iter().cloned().chain(of_layers).collect();
+        args.layers.sources.iter_mut().for_each(|layer| layer.origin.files.clone_from(&files));
+        args.origin.files = files;
+    }
     Ok(cli)
 }
 

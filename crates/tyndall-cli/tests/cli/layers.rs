@@ -49,8 +49,10 @@ fn each_layer_has_its_own_colors_radii_and_choice() {
     assert!(text.contains("[[layer]]\nfiles = [\"b.xyz\"]\nselect = [\"z > 0\"]\n"), "{text}");
     folder.line("render s.toml -o b.png").fine();
     folder.line("render --again a.png -o c.png").fine();
-    let wanted = pixels(&folder, "a.png");
+    let (wanted, _, texts) = png(&folder.path("a.png"));
     assert!(wanted == pixels(&folder, "b.png") && wanted == pixels(&folder, "c.png"));
+    let inputs = &texts.iter().find(|(name, _)| name == "Inputs").unwrap().1;
+    assert!(inputs.contains("a.xyz (") && inputs.contains("b.xyz ("), "{inputs}");
     let scene = "[particles]\nfiles = 'a.xyz'\n[look]\ncolor = 'red'\nradius = 0.3\nlook = 'flat'\n\
                  [[layer]]\nfiles = 'b.xyz'\ncolor = 'lime'\nradius = 0.4\nselect = 'z > 0'\n\
                  [picture]\nsize = [48, 32]\nsamples = 4\nbackground = 'black'\noutput = 'd.png'\n\
