@@ -105,3 +105,47 @@ fn a_sphere_shadows_what_lies_behind_it_and_nothing_else() {
     assert!((brightness(1.3, 0.0) - 0.6).abs() < 0.1, "{}", brightness(1.3, 0.0));
     assert_eq!(brightness(0.7, 0.0), 0.0, "the side away from the light");
 }
+
+/// Edge of a pixel of [`picture`].
+const PIXEL: f64 = 4.0 / 64.0;
+
+#[test]
+fn particles_smaller_than_pixels_make_no_moire() {
+    // A lattice a little finer than the pixels, over all of the picture: everywhere as much is covered.
+    let spacing = 0.9 * PIXEL;
+    let place = |k: i32| spacing * f64::from(k);
+    let centers: Vec<DVec3> =
+        (-37..=37).flat_map(|i| (-37..=37).map(move |j| DVec3::new(place(i), place(j), 0.0))).collect();
+    // How far off blocks of 8 x 8 pixels are at most, over what is right.
+    let most_off = |samples| {
+        let image = picture(&centers, 0.4 * spacing as f32, Lighting::Flat, samples);
+        let blocks = (0..64).map(|block| {
+            let corner = block / 8 * 8 * 64 + block % 8 * 8;
+            let pixels = (0..64).map(|it| image.color[corner + it / 8 * 64 + it % 8][3]);
+            pixels.sum::<f32>() / 64.0 / (PI * 0.4 * 0.4)
+        });
+        blocks.map(|it| (it - 1.0).abs()).fold(0.0, f32::max)
+    };
+    // A block is no whole number of cells, so that even without any sampling it is off by up to 4 %.
+    let (sampled, centers_alone) = (most_off(64), most_off(1));
+    assert!(sampled < 0.06 && centers_alone > 0.2, "{sampled} {centers_alone}");
+}
+
+#[test]
+fn a_particle_smaller_than_a_pixel_does_not_sparkle_as_it_moves() {
+    let radius = 0.2 * PIXEL;
+    let seen = |step: usize, samples| {
+        let center = DVec3::new(0.31 * PIXEL * step as f64, 0.17 * PIXEL * step as f64, 0.0);
+        let image = picture(&[center], radius as f32, Lighting::Flat, samples);
+        image.color.iter().map(|color| color[3]).sum::<f32>() / (PI * 0.2 * 0.2)
+    };
+    let spread = |samples| {
+        let seen: Vec<f32> = (0..24).map(|step| seen(step, samples)).collect();
+        let mean = seen.iter().sum::<f32>() / seen.len() as f32;
+        let square = seen.iter().map(|it| (it - mean).powi(2)).sum::<f32>() / seen.len() as f32;
+        (mean, square.sqrt())
+    };
+    let (mean, sampled) = spread(64);
+    assert!((mean - 1.0).abs() < 0.05 && sampled < 0.15, "{mean} {sampled}");
+    assert!(spread(1).1 > 1.0);
+}
