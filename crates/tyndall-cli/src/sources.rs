@@ -32,7 +32,7 @@ pub(crate) fn parted(args: &Render) -> Outcome<(Option<&Render>, Vec<&Render>)> 
     let (mut medium, mut spheres) = (None, Vec::new());
     for layer in std::iter::once(args).chain(&args.layers.sources) {
         let name = || layer.input.files.first().map_or(String::new(), |file| file.display().to_string());
-        if layer.method.mode == Mode::Project {
+        if layer.method.mode == Mode::Project && !args.layers.sources.is_empty() {
             let text =
                 format!("{}: a map of numbers has no layers — leave out --mode project or --layer", name());
             return Err(Failure::Usage(text));
