@@ -12,7 +12,7 @@ use tyndall::structure::{Kind, Structure};
 use super::Job;
 use super::args::{self, CacheName, MethodName};
 use crate::args::Render;
-use crate::looks::{self, LightLook};
+use crate::looks::LightLook;
 use crate::report::{Failure, Outcome};
 use crate::sources::{self, Together};
 
@@ -43,7 +43,6 @@ pub(super) fn check(medium: &Render, spheres: &[&Render]) -> Outcome<()> {
             (look.drawn().is_some(), look.drawn().unwrap_or_default()),
             (look.images().is_some(), "--replicate"),
             (layer.shapes.name().is_some(), layer.shapes.name().unwrap_or_default()),
-            (looks::traced_by(layer).is_some_and(|_| !is_matte), "this look"),
             (look.aperture.is_some(), "--aperture"),
             (layer.cut.name().is_some(), "--cut"),
             (

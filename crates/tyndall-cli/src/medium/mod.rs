@@ -253,11 +253,7 @@ impl Job<'_> {
                     metadata: &metadata,
                     bodies: bodies.as_ref(),
                 };
-                let scene = kept.insert(scene);
-                match wanted {
-                    [] => Ok(()),
-                    wanted => self.pictures(&medium, scene, wanted, &facts, (&mut output, written)),
-                }
+                self.pictures(&medium, kept.insert(scene), wanted, &facts, (&mut output, written))
             })
         });
         output.finish(done)
@@ -312,16 +308,12 @@ impl Job<'_> {
                 metadata: &metadata,
                 bodies: bodies.as_ref(),
             };
-            let scene = kept.insert(scene);
-            match wanted {
-                [] => Ok(()),
-                wanted => self.pictures(&medium, scene, wanted, &facts, (&mut output, written)),
-            }
+            self.pictures(&medium, kept.insert(scene), wanted, &facts, (&mut output, written))
         });
         output.finish(done)
     }
 
-    /// Lights the medium and makes pictures of it.
+    /// Lights the medium and makes pictures of it, if any are wanted.
     fn pictures(
         &self,
         medium: &Medium,
@@ -330,6 +322,9 @@ impl Job<'_> {
         facts: &Facts,
         (output, written): (&mut Output, &mut usize),
     ) -> Outcome<()> {
+        if pictures.is_empty() {
+            return Ok(());
+        }
         let start = Instant::now();
         let renderer = Renderer::new(self, medium, scene, facts.bodies)?;
         for (place, picture) in pictures.iter().enumerate() {

@@ -225,7 +225,7 @@ impl<'a> March<'a> {
     fn sample(&self, column: u32, row: u32, sums: &mut Sums) {
         let Settings { width, seed, .. } = self.settings;
         let (mut ray, start) = self.ray(column, row);
-        let met = self.meet(&mut ray, None);
+        let met = self.solids.and_then(|it| it.meet(&mut ray, None));
         let through = match &self.light {
             Source::Cached(cache, lit) => match &**lit {
                 Lit::Grey(bricks, hue) => {
@@ -244,14 +244,6 @@ impl<'a> March<'a> {
             }
         };
         self.add_behind(&ray, (met, through), row * width + column, sums);
-    }
-
-    /// The surface that a ray meets, but that of node `except`; the ray ends there.
-    #[inline(always)]
-    fn meet(&self, ray: &mut Ray, except: Option<u32>) -> Option<Surface> {
-        let (distance, surface) = self.solids?.meet(ray, except)?;
-        ray.t_max = distance;
-        Some(surface)
     }
 
     /// Adds what comes through, of the surface at the end of a ray of that pixel or from behind everything.
@@ -297,7 +289,7 @@ impl<'a> March<'a> {
             let direction = cosine_direction(&surface, random);
             let density = thrown(&surface, direction);
             let mut ray = Ray { origin: surface.position, direction, t_min: 0.0, t_max: f32::INFINITY };
-            let met = self.meet(&mut ray, Some(surface.node));
+            let met = self.solids.and_then(|it| it.meet(&mut ray, Some(surface.node)));
             if self.medium.is_additive() {
                 radiance += throughput * self.tracker.added(&ray);
             }
@@ -340,7 +332,7 @@ impl<'a> March<'a> {
         for (lane, (ray, met)) in rays.iter_mut().zip(&mut met).enumerate().take(sums.len()) {
             let start;
             (*ray, start) = self.ray(column + lane as u32, row);
-            *met = self.meet(ray, None);
+            *met = self.solids.and_then(|it| it.meet(ray, None));
             if let Some(path) = Path::within(&self.bounds, self.medium.density(), ray) {
                 paths.set(lane, &path, start);
             }

@@ -234,12 +234,9 @@ impl Tracer<'_> {
         let mut from = None;
         loop {
             let mut ray = Ray { origin, direction, t_min: 0.0, t_max: f32::INFINITY };
-            let met = self.solids.and_then(|solids| solids.meet(&ray, from));
-            if let Some((distance, _)) = met {
-                ray.t_max = distance;
-            }
+            let met = self.solids.and_then(|solids| solids.meet(&mut ray, from));
             let flown = self.tracker.next(self.settings.free_path, &ray, &mut power, stream);
-            if let (None, Some((_, surface))) = (flown, met) {
+            if let (None, Some(surface)) = (flown, met) {
                 // What is thrown back has been neither seen from the light nor scattered: it is stored where it is.
                 (origin, from, is_first) = (surface.position, Some(surface.node), false);
                 let thrown = power * surface.color;

@@ -143,7 +143,7 @@ impl<'a> Reference<'a> {
         let number = row * self.settings.width + column;
         let [x, y] = point(seed, Dimension::Pixel, number, sample);
         let mut ray = self.view.ray(column as f32 + x, row as f32 + y);
-        let met = self.meet(&mut ray, None);
+        let met = self.solids.and_then(|it| it.meet(&mut ray, None));
 
         self.tracker.cross(&ray, crossing);
         let through = self.tracker.through(crossing.column);
@@ -175,13 +175,6 @@ impl<'a> Reference<'a> {
             pixel.scattered += scale / PATHS as f32 * radiance;
         }
         pixel
-    }
-
-    /// The surface that a ray meets, but that of node `except`; the ray ends there.
-    fn meet(&self, ray: &mut Ray, except: Option<u32>) -> Option<Surface> {
-        let (distance, surface) = self.solids?.meet(ray, except)?;
-        ray.t_max = distance;
-        Some(surface)
     }
 
     /// The radiance of a path that first meets something at the origin of `ray`, coming along its direction from the camera.
@@ -222,7 +215,7 @@ impl<'a> Reference<'a> {
                 Met::Surface(surface) => cosine_direction(surface, random),
             };
             let mut next = Ray { origin: at, direction, t_min: 0.0, t_max: f32::INFINITY };
-            let surface = self.meet(&mut next, met.node());
+            let surface = self.solids.and_then(|it| it.meet(&mut next, met.node()));
             if medium.is_additive() {
                 radiance += throughput * self.tracker.added(&next);
             }

@@ -42,10 +42,12 @@ impl<'a> Solids<'a> {
         self.scene.structure().bounds()
     }
 
-    /// The distance at which a ray meets a surface, and the surface, but that of node `except`.
-    pub(super) fn meet(&self, ray: &Ray, except: Option<u32>) -> Option<(f32, Surface)> {
+    /// The surface that a ray meets, but that of node `except`; the ray ends there.
+    #[inline]
+    pub(super) fn meet(&self, ray: &mut Ray, except: Option<u32>) -> Option<Surface> {
         let met = self.scene.enter(ray, except)?;
-        Some((met.0, Surface::new(self.scene, ray, met)))
+        ray.t_max = met.0;
+        Some(Surface::new(self.scene, ray, met))
     }
 
     /// Whether a ray meets anything but node `except`.
