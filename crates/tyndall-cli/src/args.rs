@@ -18,7 +18,7 @@ use crate::culling::CullingArgs;
 use crate::cut::Cut;
 use crate::device::Choice;
 use crate::illustrate::Illustrate;
-use crate::layers::Layer;
+use crate::layers::{Layer, Named};
 use crate::looks::Look;
 use crate::medium::args::{Density, Medium};
 use crate::output::{EncoderName, Pattern};
@@ -251,16 +251,10 @@ pub(crate) struct Picture {
     #[arg(long, value_name = "X,Y,WIDTH,HEIGHT", value_parser = crate::values::window)]
     pub(crate) crop: Option<Window>,
     /// Layers of an EXR beside its colors: alpha, depth, id (the place in the file), normal, position, albedo (colors without light), direct
-    /// (the key light alone), ambient (the sky alone; neither with --light), value (the numbers that --color shows), of a medium transmittance; beauty is always
-    /// there [default: depth,id, of a medium transmittance too]
-    #[arg(
-        long,
-        visible_alias = "aov",
-        value_name = "NAMES",
-        value_delimiter = ',',
-        hide_possible_values = true
-    )]
-    pub(crate) layers: Option<Vec<Layer>>,
+    /// (the key light alone), ambient (the sky alone; neither with --light), value (the numbers that --color shows), any attribute by its name (of a vector three
+    /// channels) or expression without commas, of a medium transmittance; beauty is always there [default: depth,id, of a medium transmittance too]
+    #[arg(long, visible_alias = "aov", value_name = "NAMES", value_delimiter = ',')]
+    pub(crate) layers: Option<Vec<Named>>,
     /// For two eyes: side-by-side, or anaglyph for glasses that are red on the left and cyan on the right
     #[arg(long, value_name = "HOW", conflicts_with = "crop")]
     pub(crate) stereo: Option<Stereo>,
@@ -292,17 +286,27 @@ impl Picture {
     /// How the picture's file is written, with these texts.
     pub(crate) fn options(&self, metadata: Vec<(String, String)>) -> ImageOptions {
         let bits = if self.bits == "16" { 16 } else { 8 };
-        let has = |layer| self.layers.as_ref().is_none_or(|layers| layers.contains(&layer));
         ImageOptions {
             bits,
             quality: self.quality,
             dpi: self.dpi,
             metadata,
-            has_depth: has(Layer::Depth),
-            has_ids: has(Layer::Id),
+            has_depth: self.has_layer(Layer::Depth),
+            has_ids: self.has_layer(Layer::Id),
             part_of: self.crop.map(|window| (window, self.pixels())),
             ..ImageOptions::default()
         }
+    }
+
+    /// Whether an EXR has a layer that it has if nothing is said.
+    pub(crate) fn has_layer(&self, layer: Layer) -> bool {
+        self.layers.as_ref().is_none_or(|layers| layers.contains(&Named::Layer(layer)))
+    }
+
+    /// Whether layers are wanted of the surface that the pixel's middle shows.
+    pub(crate) fn wants_surfaces(&self) -> bool {
+        let is_of_surface = |it: &Named| matches!(it, Named::Layer(Layer::Normal | Layer::Position));
+        self.layers.iter().flatten().any(is_of_surface)
     }
 
     /// The file of picture `number`.

@@ -1,10 +1,13 @@
 //! `--layers`: what an EXR has beside its colors.
 
+use std::convert::Infallible;
 use std::path::Path;
+use std::str::FromStr;
 
 use clap::ValueEnum;
 use tyndall::Particles;
 use tyndall::film::Surface;
+use tyndall::names::nearest;
 use tyndall::scene::coloring::Coloring;
 use tyndall::scene::light::{KeyLight, Lighting, Lights, Paths, Sky};
 use tyndall::scene::quantity::Quantity;
@@ -44,18 +47,48 @@ pub(crate) enum Layer {
 /// Names and values of channels.
 pub(crate) type Channels = Vec<(String, Vec<f32>)>;
 
+/// What `--layers` names.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) enum Named {
+    /// What all pictures can have.
+    Layer(Layer),
+    /// Numbers of the particles: an attribute, or what is made of some.
+    Quantity(String),
+}
+
+impl FromStr for Named {
+    type Err = Infallible;
+
+    fn from_str(text: &str) -> Result<Self, Infallible> {
+        let layer = Layer::from_str(text.trim(), false);
+        Ok(layer.map_or_else(|_| Self::Quantity(text.trim().into()), Self::Layer))
+    }
+}
+
 /// The layers that are asked for; refuses those that are not in `possible` or not for that kind of file.
-pub(crate) fn asked<'a>(picture: &'a Picture, path: &Path, possible: &[Layer]) -> Outcome<&'a [Layer]> {
-    let Some(layers) = &picture.layers else { return Ok(&[]) };
+pub(crate) fn asked<'a>(picture: &'a Picture, path: &Path, possible: &[Layer]) -> Outcome<&'a [Named]> {
+    let Some(named) = &picture.layers else { return Ok(&[]) };
     if !write::takes_channels(path) {
         let text = format!("--layers is for .exr — {} has colors alone", path.display());
         return Err(Failure::Usage(text));
     }
-    if let Some(other) = layers.iter().find(|layer| !possible.contains(layer)) {
+    let other = named.iter().find_map(|it| match it {
+        Named::Layer(layer) => (!possible.contains(layer)).then(|| layer.name()),
+        Named::Quantity(text) => (!possible.contains(&Layer::Value)).then(|| text.clone()),
+    });
+    if let Some(other) = other {
         let names: Vec<String> = possible.iter().map(|layer| layer.name()).collect();
-        return Err(Error::setting("--layers", other.name(), format!("here {}", names.join(" "))).into());
+        return Err(Error::setting("--layers", other, format!("here {}", names.join(" "))).into());
     }
-    Ok(layers)
+    Ok(named)
+}
+
+/// The quantities among what is named, as they were written.
+pub(crate) fn quantities(named: &[Named]) -> impl Iterator<Item = &str> {
+    named.iter().filter_map(|it| match it {
+        Named::Quantity(text) => Some(text.as_str()),
+        Named::Layer(_) => None,
+    })
 }
 
 impl Layer {
@@ -78,11 +111,6 @@ impl Layer {
 
     pub(crate) fn name(self) -> String {
         self.to_possible_value().map_or(String::new(), |it| it.get_name().to_string())
-    }
-
-    /// Whether it is of the surface that the pixel's middle shows.
-    pub(crate) fn is_of_surface(self) -> bool {
-        matches!(self, Self::Normal | Self::Position)
     }
 
     /// The light that shows it, if it is a picture in another light. Fails if the scene's own light has no such part.
@@ -127,30 +155,75 @@ impl Layer {
     }
 }
 
-/// The number that `--color` shows of each particle, by its place in the file.
-pub(crate) struct Numbers(Vec<f32>);
+/// A number of each particle, by its place in the file, and what it is called.
+pub(crate) struct Numbers {
+    name: String,
+    by_place: Vec<f32>,
+}
 
 impl Numbers {
-    /// Of all particles. Fails if colors are not those of a number.
-    pub(crate) fn of(particles: &Particles, coloring: &Coloring) -> Outcome<Self> {
-        let Coloring::Attribute { name, component } = coloring else {
-            let allowed = "of --color ATTRIBUTE: the particles have no number as color";
-            return Err(Error::setting("--layers", Layer::Value.name(), allowed).into());
-        };
-        let quantity = Quantity::find(particles, name, *component)?;
-        let places = (0..particles.len()).map(|id| particles.place(id) as usize);
-        let mut numbers = vec![f32::NAN; places.clone().max().map_or(0, |most| most + 1)];
-        for (id, place) in places.enumerate() {
-            numbers[place] = quantity.value(id) as f32;
+    /// What is named of all particles: of `value` the number that colors stand for, of a vector three. Fails if there are none.
+    pub(crate) fn of(particles: &Particles, named: &[Named], coloring: &Coloring) -> Outcome<Vec<Self>> {
+        let mut found = Vec::new();
+        if named.contains(&Named::Layer(Layer::Value)) {
+            let Coloring::Attribute { name, component } = coloring else {
+                let allowed = "of --color ATTRIBUTE: the particles have no number as color";
+                return Err(Error::setting("--layers", Layer::Value.name(), allowed).into());
+            };
+            let quantity = Quantity::find(particles, name, *component)?;
+            found.push(Self::of_quantity(particles, Layer::Value.name(), &quantity));
         }
-        Ok(Self(numbers))
+        for text in quantities(named) {
+            let parts = Quantity::components(particles, text).map_err(|error| unknown(text, error))?;
+            let is_text = |part: &Quantity| part.scalar().is_some_and(|it| it.values.type_name() == "text");
+            if parts.iter().any(is_text) {
+                return Err(Error::setting("--layers", text, "a number: it stands for words").into());
+            }
+            let is_vector = parts.len() > 1;
+            found.extend(parts.iter().enumerate().map(|(axis, part)| {
+                let name = if is_vector { component(text, axis) } else { plain(text) };
+                Self::of_quantity(particles, name, part)
+            }));
+        }
+        Ok(found)
+    }
+
+    fn of_quantity(particles: &Particles, name: String, quantity: &Quantity) -> Self {
+        let places = (0..particles.len()).map(|id| particles.place(id) as usize);
+        let mut by_place = vec![f32::NAN; places.clone().max().map_or(0, |most| most + 1)];
+        for (id, place) in places.enumerate() {
+            by_place[place] = quantity.value(id) as f32;
+        }
+        Self { name, by_place }
     }
 
     /// The channel of them: NaN where a pixel shows no particle, or the particle has no number.
     pub(crate) fn channel(&self, ids: &[i64]) -> (String, Vec<f32>) {
-        let number = |id: &i64| usize::try_from(*id).ok().and_then(|place| self.0.get(place).copied());
-        (Layer::Value.name(), ids.iter().map(|id| number(id).unwrap_or(f32::NAN)).collect())
+        let number = |id: &i64| usize::try_from(*id).ok().and_then(|place| self.by_place.get(place).copied());
+        (self.name.clone(), ids.iter().map(|id| number(id).unwrap_or(f32::NAN)).collect())
     }
+}
+
+/// The channel of a vector's component: `velocity.X`, and beyond three `stress.3`.
+fn component(vector: &str, axis: usize) -> String {
+    match ["X", "Y", "Z"].get(axis) {
+        Some(name) => format!("{vector}.{name}"),
+        None => format!("{vector}.{axis}"),
+    }
+}
+
+/// The channel of a quantity, which is not that of a color.
+fn plain(text: &str) -> String {
+    if ["R", "G", "B", "A", "Z"].contains(&text) { format!("attribute.{text}") } else { text.into() }
+}
+
+/// The error about a name that is neither a layer's nor an attribute's.
+fn unknown(text: &str, error: Error) -> Error {
+    let Error::Setting { value, allowed, .. } = error else { return error };
+    let names = Layer::OF_SPHERES.map(Layer::name);
+    let meant = nearest(text, names.iter().map(String::as_str))
+        .map_or(String::new(), |name| format!("; the layer '{name}'?"));
+    Error::setting("--layers", value, allowed + &meant)
 }
 
 /// A sky without light.

@@ -37,7 +37,7 @@ use crate::ahead::Ahead;
 use crate::annotate::Shown as Annotated;
 use crate::args::{self, Builder, Mode, Selection};
 use crate::device::{self, Goal, Held, Renders};
-use crate::layers::{self, Layer};
+use crate::layers::{self, Layer, Named};
 use crate::names::Numbers;
 use crate::output::{Output, Pattern};
 use crate::plan::{self, Picture};
@@ -65,10 +65,11 @@ pub(crate) fn run(args: &args::Render, report: &Report) -> Outcome<()> {
     let mut output = Output::new(args, report)?;
     let known = input::known_count(&args.input.files)?;
     job.check_memory(&Work::of_count(known, job.structure, job.settings), Reading::Parts)?;
+    let of_layers = layers::quantities(job.layers).map(String::from);
     let wanted = Wanted {
         coloring: args.look.color.clone(),
         filters: args.selection.all_filters(),
-        quantities: args.look.opacity.iter().cloned().collect(),
+        quantities: args.look.opacity.iter().cloned().chain(of_layers).collect(),
         radii: args.look.radius.is_none() || args.look.bonds.is_some(),
         vectors: args.look.moving().map(String::from).into_iter().chain(args.shapes.vectors()).collect(),
     };
@@ -140,7 +141,7 @@ struct Job<'a> {
     lights: Option<Lights>,
     illustration: Illustration,
     pattern: Pattern,
-    layers: &'a [Layer],
+    layers: &'a [Named],
     renders: Renders,
     goal: Goal,
     meshes: Meshes,
@@ -204,8 +205,7 @@ impl<'a> Job<'a> {
         let beyond = images.map(|_| "--replicate").or(shape).or(args.look.drawn()).or(cut);
         looks::check(args)?;
         cut::check(args)?;
-        let is_of_surfaces = args.picture.layers.iter().flatten().any(|layer| layer.is_of_surface());
-        if args.look.moving().is_some() && is_of_surfaces {
+        if args.look.moving().is_some() && args.picture.wants_surfaces() {
             let allowed = "without normal and position with --shutter: what moves has several";
             return Err(Error::setting("--layers", "given", allowed).into());
         }
@@ -463,15 +463,12 @@ impl<'a> Job<'a> {
             false => (None, selection::shown(&self.args.selection, &particles)?),
         };
         let cuts = self.args.cut.half_spaces(&particles);
-        let numbers = match (self.layers.contains(&Layer::Value), &parts) {
-            (true, None) => Some(layers::Numbers::of(&particles, &look.color)?),
-            (true, Some(_)) => {
-                let allowed =
-                    "without value: the particles do not fit the memory with what each has of its own";
-                return Err(Error::setting("--layers", "value", allowed).into());
-            }
-            (false, _) => None,
-        };
+        let numbers = layers::Numbers::of(&particles, self.layers, &look.color)?;
+        if parts.is_some() && !numbers.is_empty() {
+            let allowed =
+                "without numbers of particles: these do not fit the memory with what each has of its own";
+            return Err(Error::setting("--layers", "given", allowed).into());
+        }
         let mut guesses = self.guesses(&conventions, count, &radius_text, &colors, &framing_text);
         guesses.extend(bonded.iter().map(|bonded| bonded.description.clone()));
         guesses.extend(arrows.iter().map(|arrows| arrows.description.clone()));
@@ -605,7 +602,7 @@ impl<'a> Job<'a> {
             let shot = Shot {
                 picture: &self.args.picture,
                 layers: self.layers,
-                numbers: numbers.as_ref(),
+                numbers: &numbers,
                 settings: &self.settings,
                 illustration: self.illustration,
                 report: self.report,

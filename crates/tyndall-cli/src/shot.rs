@@ -13,7 +13,7 @@ use tyndall::{Image, Result};
 use tyndall_io::write;
 
 use crate::args::{self, Stereo};
-use crate::layers::{Channels, Layer, Numbers};
+use crate::layers::{Channels, Layer, Named, Numbers};
 use crate::report::{Outcome, Report};
 
 /// Pictures of more pixels are written in bands, where the file takes that, so that they need not be in memory.
@@ -54,12 +54,11 @@ pub(crate) fn not_plain(args: &args::Render) -> Option<&'static str> {
 pub(crate) fn beyond_cards(args: &args::Render) -> Option<&'static str> {
     let picture = &args.picture;
     let [width, height] = picture.pixels();
-    let layers = picture.layers.iter().flatten().any(|layer| layer.is_of_surface());
     [
         (picture.crop.is_some(), "--crop"),
         (picture.stereo.is_some(), "--stereo"),
         (args.camera.panorama, "--panorama"),
-        (layers, "--layers normal and position"),
+        (picture.wants_surfaces(), "--layers normal and position"),
         (u64::from(width) * u64::from(height) > CARD_PIXELS, "pictures of so many pixels"),
     ]
     .into_iter()
@@ -69,8 +68,8 @@ pub(crate) fn beyond_cards(args: &args::Render) -> Option<&'static str> {
 /// What makes pictures of a scene.
 pub(crate) struct Shot<'a> {
     pub(crate) picture: &'a args::Picture,
-    pub(crate) layers: &'a [Layer],
-    pub(crate) numbers: Option<&'a Numbers>,
+    pub(crate) layers: &'a [Named],
+    pub(crate) numbers: &'a [Numbers],
     pub(crate) settings: &'a Settings,
     pub(crate) illustration: Illustration,
     pub(crate) report: &'a Report,
@@ -109,19 +108,16 @@ impl Shot<'_> {
         settings: &Settings,
         window: Option<Window>,
     ) -> Outcome<(Image, Channels)> {
-        let wants_surfaces = self.layers.iter().any(|layer| layer.is_of_surface());
         let (mut image, surfaces) = match window {
-            None if !wants_surfaces => ((self.whole)(scene, camera)?, Vec::new()),
+            None if !self.picture.wants_surfaces() => ((self.whole)(scene, camera)?, Vec::new()),
             _ => self.part(scene, camera, settings, window)?,
         };
         self.illustrate((scene, camera), settings, window, &mut image)?;
-        let mut channels = Vec::new();
-        for &layer in self.layers {
-            if layer.is_of_surface() {
+        let mut channels: Channels = self.numbers.iter().map(|it| it.channel(&image.id)).collect();
+        for named in self.layers {
+            let &Named::Layer(layer) = named else { continue };
+            if matches!(layer, Layer::Normal | Layer::Position) {
                 channels.extend(layer.of_surfaces(&surfaces));
-            }
-            if let (Layer::Value, Some(numbers)) = (layer, self.numbers) {
-                channels.push(numbers.channel(&image.id));
             }
             if let Some(light) = layer.light(&scene.lighting)? {
                 let own = (std::mem::replace(&mut scene.lighting, light), scene.background.take());
@@ -160,8 +156,7 @@ impl Shot<'_> {
         let window = window.unwrap_or(Window::whole(settings.width, settings.height));
         let mut renderer = Renderer::of_window(scene, camera, settings, window)?;
         renderer.finish(self.report.progress())?;
-        let is_wanted = self.layers.iter().any(|layer| layer.is_of_surface());
-        let surfaces = if is_wanted { renderer.surfaces() } else { Vec::new() };
+        let surfaces = if self.picture.wants_surfaces() { renderer.surfaces() } else { Vec::new() };
         Ok((renderer.image(), surfaces))
     }
 

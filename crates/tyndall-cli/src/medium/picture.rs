@@ -114,7 +114,7 @@ impl<'a> Renderer<'a> {
             let values = pixels.iter().map(|pixel| pixel.transmittance[channel]).collect();
             (format!("transmittance.{name}"), values)
         };
-        if self.job.args.picture.layers.as_ref().is_none_or(|it| it.contains(&Layer::Transmittance)) {
+        if self.job.args.picture.has_layer(Layer::Transmittance) {
             options.channels = vec![layer("R", 0), layer("G", 1), layer("B", 2)];
         }
         let Some(window) = self.job.args.picture.crop else { return Ok((image, options)) };

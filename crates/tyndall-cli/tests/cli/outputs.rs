@@ -81,6 +81,36 @@ fn an_exr_has_the_layers_that_are_asked_for() {
 }
 
 #[test]
+fn an_exr_has_the_attributes_that_are_asked_for() {
+    let folder = Folder::new();
+    let row = |it: usize| format!("C {it} 0 0 {} {} {} -1\n", 10 * it, it + 1, it * it);
+    let rows: String = (0..4).map(row).collect();
+    folder.file("a.xyz", format!("4\nProperties=species:S:1:pos:R:3:q:R:1:velo:R:3\n{rows}"));
+    folder.render("a.xyz -o a.exr --radius 0.4 --look flat --layers id,q,velo,velo.y,x,q*2").fine();
+    let (channels, ..) = exr_of(&folder.path("a.exr"));
+    let names: Vec<&str> = channels.keys().map(String::as_str).collect();
+    assert_eq!(names, ["A", "B", "G", "R", "id", "q", "q*2", "velo.X", "velo.Y", "velo.Z", "velo.y", "x"]);
+    let mut seen = [0; 4];
+    for (at, id) in channels["id"].iter().enumerate() {
+        let of = |name: &str| channels[name][at];
+        if *id < 0.0 {
+            assert!(of("q").is_nan() && of("velo.Z").is_nan());
+            continue;
+        }
+        seen[*id as usize] += 1;
+        assert_eq!([of("q"), of("q*2"), of("x")], [10.0 * id, 20.0 * id, *id]);
+        assert_eq!(["velo.X", "velo.Y", "velo.Z", "velo.y"].map(of), [id + 1.0, id * id, -1.0, id * id]);
+    }
+    assert!(seen.iter().all(|pixels| *pixels > 5), "{seen:?}");
+    let wrong = |layers: &str, what: &[&str]| {
+        folder.render(&format!("a.xyz -o b.exr --layers {layers}")).fails(2, what);
+    };
+    wrong("nromal", &["--layers cannot be 'nromal'", "no attribute", "the layer 'normal'?"]);
+    wrong("velq", &["did you mean 'velo'?", "available: "]);
+    wrong("species", &["stands for words"]);
+}
+
+#[test]
 fn two_eyes_see_from_two_sides() {
     let folder = Folder::new();
     folder.file("a.xyz", line_of(5));

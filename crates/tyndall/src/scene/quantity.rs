@@ -109,6 +109,14 @@ impl<'a> Quantity<'a> {
         Some(Self { particles, source, label })
     }
 
+    /// The components of the vector that `text` names, in their order; else the one quantity that it stands for. Fails as [`Self::find`] does.
+    pub fn components(particles: &'a Particles, text: &str) -> Result<Vec<Self>> {
+        let (name, component) = named(text);
+        let part = |axis| Self::of_name(particles, name, Some(Component::Index(axis)));
+        let parts: Vec<Self> = if component.is_none() { (0..).map_while(part).collect() } else { Vec::new() };
+        if parts.len() > 1 { Ok(parts) } else { Ok(vec![Self::find(particles, name, component)?]) }
+    }
+
     /// The number of particle `id`; NaN where the file has none.
     #[inline]
     pub fn value(&self, id: usize) -> f64 {
@@ -354,6 +362,23 @@ mod tests {
         assert_eq!(value(&it, "q", Some(Component::Index(0))), Some(-1.0));
         assert_eq!(Quantity::find(&it, "vx", None).unwrap().label(), "Velocity.x");
         assert!(!Quantity::find(&it, "q", None).unwrap().is_component());
+    }
+
+    #[test]
+    fn a_vector_has_components_and_a_scalar_is_one() {
+        let velocity = Attribute::new("Velocity", 3, Values::F64(vec![-2.0, 3.0, 6.0]));
+        let it = particles(vec![velocity, scalar("fx", 4.0), scalar("fy", 5.0), scalar("q", -1.0)]);
+        let values = |text: &str| -> Vec<f64> {
+            Quantity::components(&it, text).unwrap().iter().map(|part| part.value(0)).collect()
+        };
+        assert_eq!(values("velocity"), [-2.0, 3.0, 6.0]);
+        assert_eq!(values("f"), [4.0, 5.0]);
+        for (text, value) in
+            [("|Velocity|", 7.0), ("v.y", 3.0), ("fx", 4.0), ("q", -1.0), ("y", 8.0), ("q * fy", -5.0)]
+        {
+            assert_eq!(values(text), [value], "{text}");
+        }
+        assert!(Quantity::components(&it, "g").is_err());
     }
 
     #[test]
