@@ -11,8 +11,6 @@ use tyndall::scene::short;
 use tyndall::structure::selection::HalfSpace;
 use tyndall::{Error, Result};
 
-use crate::args;
-use crate::looks::LightLook;
 use crate::report::{Failure, Outcome};
 
 /// Cuts through particles.
@@ -102,14 +100,4 @@ impl Cut {
     fn places(&self) -> String {
         self.cuts.iter().map(ToString::to_string).collect::<Vec<_>>().join("; ")
     }
-}
-
-/// Fails if something is cut that cannot be.
-pub(crate) fn check(args: &args::Render) -> Outcome<()> {
-    if let (Some(flag), LightLook::Glass | LightLook::Water) = (args.cut.name(), args.look.look) {
-        let text =
-            format!("{flag} is not for --look glass and water, whose light goes through whole spheres");
-        return Err(Failure::Usage(format!("{text} — take another look, or --clip")));
-    }
-    Ok(())
 }

@@ -48,8 +48,7 @@ use crate::shot::{self, Shot};
 use crate::sources::{self, Sources, Together};
 use crate::values::{Background, Degrees};
 use crate::{
-    ahead, culling, cut, dry_run, illustrate, input, lights, looks, medium, metadata, progress, project,
-    structure,
+    ahead, culling, dry_run, illustrate, input, lights, looks, medium, metadata, progress, project, structure,
 };
 
 /// Renders what the command line asks for.
@@ -204,7 +203,6 @@ impl<'a> Job<'a> {
         }
         let beyond = images.map(|_| "--replicate").or(shape).or(args.look.drawn()).or(cut);
         looks::check(args)?;
-        cut::check(args)?;
         if args.look.moving().is_some() && args.picture.wants_surfaces() {
             let allowed = "without normal and position with --shutter: what moves has several";
             return Err(Error::setting("--layers", "given", allowed).into());

@@ -81,7 +81,6 @@ fn what_does_not_go_with_cuts_is_refused_before_the_work() {
         ("--cut w<3", ["--cut cannot be 'w<3'", "z<0.5L"]),
         ("--cut z<1 --cap redd", ["--cap cannot be 'redd'", "did you mean 'red'?"]),
         ("--cap red", ["--cut", "not provided"]),
-        ("--cut z<1 --look glass", ["--cut", "--clip"]),
         ("--cut z<1 --mode medium", ["--cut", "--clip"]),
         ("--cut z<1 --mode project", ["--cut", "--clip"]),
         ("--cut z<1 --device gpu", ["--device", "--cut"]),

@@ -32,7 +32,6 @@ use crate::progress::Progress;
 use crate::scene::Scene;
 use crate::scene::camera::{Camera, View};
 use crate::scene::light::{Lighting, Paths};
-use crate::scene::material::Material;
 use cpu::Film;
 use drawn::Drawn;
 pub use interactive::Interactive;
@@ -99,12 +98,6 @@ impl Settings {
         }
         scene.lighting.check()?;
         scene.check_cut()?;
-        let is_clear =
-            matches!(scene.lighting, Lighting::Paths(Paths { material: Material::Clear { .. }, .. }));
-        if scene.cut().is_some() && is_clear {
-            let allowed = "left out of clear bodies: light within them is followed through whole spheres";
-            return Err(Error::setting("--cut", "given", allowed));
-        }
         let replicated = scene.structure().replicas().is_some();
         let has_shapes = scene.shapes().is_some();
         match &self.culling {

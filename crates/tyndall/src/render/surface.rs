@@ -14,8 +14,6 @@ pub(super) struct Surface {
     pub(super) color: Vec3,
     /// Radiance that it gives off.
     pub(super) glow: Vec3,
-    /// Of a sphere its center and radius; shapes are no clear bodies.
-    pub(super) sphere: Option<(Vec3, f32)>,
 }
 
 impl Surface {
@@ -26,7 +24,7 @@ impl Surface {
         if let Some((cut, of)) = scene.cap_of(node) {
             let normal = cut.normal(point, ray.direction);
             let color = scene.cap_color(cut, of).into();
-            return Self { node, position: point, normal, color, glow: Vec3::ZERO, sphere: None };
+            return Self { node, position: point, normal, color, glow: Vec3::ZERO };
         }
         if let Some((shapes, own, shift)) = scene.locate_shape(node) {
             let (position, normal) = shapes.shape(own / 2).surface(point - shift, ray.direction);
@@ -35,7 +33,7 @@ impl Surface {
                 true => shapes.color(own, |owner| scene.glow(owner)).into(),
                 false => Vec3::ZERO,
             };
-            return Self { node, position: position + shift, normal, color, glow, sphere: None };
+            return Self { node, position: position + shift, normal, color, glow };
         }
         let (center, radius) = structure.sphere(node);
         // A sphere so small that rounding leaves no direction faces the ray.
@@ -46,7 +44,6 @@ impl Surface {
             normal,
             color: scene.color(structure.original(node)).into(),
             glow: scene.glow(structure.original(node)).into(),
-            sphere: Some((center, radius)),
         }
     }
 }

@@ -43,6 +43,23 @@ impl Cut {
         is_met.then_some([enter, leave])
     }
 
+    /// Where a ray that starts within what is left comes out of it, and the normal there; infinitely far if it never does.
+    fn end(&self, ray: &Ray) -> (f32, Vec3) {
+        let (origin, direction) = (ray.origin.as_dvec3(), ray.direction.as_dvec3());
+        let ahead = self.sides.iter().filter_map(|HalfSpace { normal, distance }| {
+            let speed = normal.dot(direction);
+            (speed > 0.0).then(|| ((distance - normal.dot(origin)) / speed, normal.as_vec3()))
+        });
+        let (t, normal) =
+            ahead.min_by(|one, other| one.0.total_cmp(&other.0)).unwrap_or((f64::INFINITY, Vec3::ZERO));
+        (t.max(0.0) as f32, normal)
+    }
+
+    /// Whether caps have a color of their own.
+    pub(crate) fn is_painted(&self) -> bool {
+        self.cap.is_some()
+    }
+
     /// Whether a sphere reaches into what is left; one outside of an edge or a corner may be said to.
     pub(super) fn reaches(&self, center: Vec3, radius: f32) -> bool {
         let center = center.as_dvec3();
@@ -138,13 +155,19 @@ impl Scene {
         Some(Ray { t_max: ray.t_max.min(leave), ..*ray })
     }
 
-    fn nearest(&self, ray: &Ray, except: Option<u32>) -> Option<(f32, u32)> {
+    /// Where a ray that starts within what is left comes to a cap from behind, and the cap's normal; infinitely far if nothing is cut there.
+    pub(crate) fn end_of_uncut(&self, ray: &Ray) -> (f32, Vec3) {
+        self.cut.as_ref().map_or((f32::INFINITY, Vec3::ZERO), |cut| cut.end(ray))
+    }
+
+    /// What a ray enters first within its interval, cut away or not.
+    pub(crate) fn nearest(&self, ray: &Ray, except: Option<u32>) -> Option<(f32, u32)> {
         let hit = self.structure.intersect(ray, except).map(|hit| (hit.t, hit.node));
         self.shape_met(ray, hit.map(|(depth, _)| depth), except).or(hit)
     }
 
     /// The node of that in which the place on a ray at distance `t` lies deepest: of a particle, else of a shape.
-    fn deepest(&self, ray: &Ray, t: f32) -> Option<u32> {
+    pub(crate) fn deepest(&self, ray: &Ray, t: f32) -> Option<u32> {
         if let Some((_, node)) = self.structure.deepest(ray, t) {
             return Some(node);
         }

@@ -24,6 +24,7 @@ use crate::scene::Scene;
 use crate::scene::camera::View;
 use crate::scene::light::{Lens, Lights, Paths};
 use crate::scene::material::Material;
+use clear::Body;
 use far::Far;
 use scatter::Scatter;
 
@@ -81,10 +82,14 @@ impl<'a> Tracer<'a> {
         let mut radiance = Vec3::ZERO;
         let (mut bounces, mut clear) = (0, 0);
         loop {
-            let next = match (self.paths.material, surface.sphere) {
-                (Material::Clear { index }, Some(sphere)) => {
+            let body = match self.paths.material {
+                Material::Clear { index } => Body::at(self.scene, surface.node).map(|body| (body, index)),
+                _ => None,
+            };
+            let next = match body {
+                Some((body, index)) => {
                     clear += 1;
-                    let out = clear::cross(self, (&surface, sphere), direction, index, &mut stream);
+                    let out = clear::cross(self.scene, (&surface, body), direction, index, &mut stream);
                     throughput *= out.throughput;
                     if clear > MOST_CLEAR || throughput == Vec3::ZERO {
                         return radiance;
@@ -97,12 +102,13 @@ impl<'a> Tracer<'a> {
                     }
                     met
                 }
-                (material, _) => {
+                None => {
                     let is_first = bounces == 0 && clear == 0;
                     let spread = |dimension, stream: &mut Stream| {
                         if is_first { sample.point(dimension) } else { [stream.unit(), stream.unit()] }
                     };
-                    let scatter = Scatter::new(&material, surface.normal, -direction, surface.color);
+                    let scatter =
+                        Scatter::new(&self.paths.material, surface.normal, -direction, surface.color);
                     let random = spread(Dimension::Key, &mut stream);
                     radiance += throughput * self.looked_for(&surface, &scatter, random);
                     let random = spread(Dimension::Sky, &mut stream);

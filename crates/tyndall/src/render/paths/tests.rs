@@ -1,10 +1,10 @@
 //! Light against what is known in closed form.
 
+mod clear;
 mod images;
 
 use glam::{DVec3, Vec3};
 
-use super::clear::COLOR_DIAMETERS;
 use crate::film::Image;
 use crate::particles::{Attribute, Columns, Particles, Positions, Radii, Values};
 use crate::render::{Settings, render};
@@ -128,25 +128,6 @@ fn without_bounces_it_is_the_light_of_the_studio() {
     assert!(differ(|it| it).abs() < 1e-3, "{}", differ(|it| it));
     assert!(differ(f32::abs) < 6e-3, "{}", differ(f32::abs));
     assert_eq!((expected.depth, expected.id), (found.depth, found.id));
-}
-
-#[test]
-fn clear_bodies_leave_their_color_of_what_crosses_a_diameter() {
-    // With hardly any refraction light goes straight on.
-    let material = Material::Clear { index: 1.000_01 };
-    for (spheres, diameters) in [
-        (vec![([0.0; 3], 1.0, 188)], 1.0),
-        (vec![([0.0; 3], 1.0, 188), ([0.0, 3.0, 0.0], 1.0, 188)], 2.0),
-        // Three units of one body, of which the last sphere is within the first.
-        (vec![([0.0; 3], 1.0, 188), ([0.0, 1.0, 0.0], 1.0, 188), ([0.0, 0.1, 0.0], 0.3, 0)], 1.5),
-    ] {
-        let scene = scene(&spheres, Lighting::Paths(lit(material, 8)));
-        let image = picture(&scene, &camera(DVec3::ZERO, 0.02), 16);
-        let expected = scene.color(0)[0]
-            .max(scene.color(scene.structure().len() as u32 - 1)[0])
-            .powf(diameters / COLOR_DIAMETERS);
-        assert!((middle(&image) - expected).abs() < 2e-3, "{} instead of {expected}", middle(&image));
-    }
 }
 
 #[test]

@@ -132,7 +132,7 @@ impl Shape {
 
 impl Shape {
     /// Where the line of a ray enters and leaves it, if it does; what is flat is not entered.
-    fn chord(&self, ray: &Ray) -> Option<[f32; 2]> {
+    pub(crate) fn chord(&self, ray: &Ray) -> Option<[f32; 2]> {
         if matches!(self, Self::Triangle(_)) {
             return None;
         }
