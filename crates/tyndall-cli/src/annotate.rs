@@ -12,11 +12,12 @@ use tyndall::scene::color::Legend;
 use tyndall::scene::coloring;
 use tyndall::{Cell, DVec3, Error, Image};
 use tyndall_io::annotation::{
-    Annotations, Arrangement, Behind, Font, Item, Length, Place, ScaleBar, Style, Surface, What, directions,
-    key_svg, title,
+    Annotations, Arrangement, Behind, Font, Frame, Item, Layout, Length, Place, ScaleBar, Style, Surface,
+    What, directions, key_svg, title,
 };
-use tyndall_io::write::{self, ImageOptions};
+use tyndall_io::write;
 
+use crate::layers::Channels;
 use crate::output::Pattern;
 use crate::report::{Failure, Outcome, Report};
 use crate::values::{LabelFormat, length};
@@ -76,21 +77,6 @@ pub(crate) struct Annotate {
 }
 
 impl Annotate {
-    /// The flag that asks for something over the picture, if there is one.
-    pub(crate) fn name(&self) -> Option<&'static str> {
-        let Self { bar, scalebar, axes, cell, title, time_label, .. } = self;
-        [
-            (bar.is_some(), "--bar"),
-            (scalebar.is_some(), "--scalebar"),
-            (*axes, "--axes"),
-            (*cell, "--cell"),
-            (title.is_some(), "--title"),
-            (time_label.is_some(), "--time-label"),
-        ]
-        .into_iter()
-        .find_map(|(is_given, name)| is_given.then_some(name))
-    }
-
     /// The flag that asks what colors mean, if there is one.
     pub(crate) fn of_colors(&self) -> Option<&'static str> {
         self.bar.as_ref().map(|_| "--bar").or(self.bar_file.as_ref().map(|_| "--bar-file"))
@@ -109,9 +95,17 @@ impl std::str::FromStr for Scalebar {
     }
 }
 
+/// A picture, or that of one eye.
+pub(crate) struct Seen {
+    pub(crate) image: Image,
+    /// What an EXR has beside its colors.
+    pub(crate) channels: Channels,
+    pub(crate) camera: Camera,
+    pub(crate) frame: Frame,
+}
+
 /// What a picture shows.
 pub(crate) struct Shown<'a> {
-    pub(crate) camera: Camera,
     pub(crate) behind: Behind,
     /// What colors mean, and how they were chosen.
     pub(crate) colors: (Option<&'a Legend>, &'a str),
@@ -120,6 +114,47 @@ pub(crate) struct Shown<'a> {
     pub(crate) time: (Option<f64>, Option<&'a str>),
     pub(crate) length_unit: Option<&'a str>,
     pub(crate) cell: Option<Cell>,
+}
+
+/// What is written over a picture, before it has places.
+#[derive(Clone)]
+struct Over {
+    annotations: Annotations,
+    cell: Option<Cell>,
+    camera: Camera,
+    frame: Frame,
+    behind: Behind,
+    /// What is to be said of it.
+    described: Option<String>,
+}
+
+impl Over {
+    /// Draws the cell over rows of the picture.
+    fn draw_cell(&self, first_row: u32, depth: &[f32], color: &mut [[f32; 4]]) -> tyndall::Result<()> {
+        let Some(cell) = &self.cell else { return Ok(()) };
+        let surface = Surface { frame: self.frame, first_row, depth, behind: self.behind };
+        self.annotations.draw_cell(cell, &self.camera, &surface, color)
+    }
+}
+
+/// What is written over the bands of a picture.
+pub(crate) struct Bands {
+    over: Over,
+    layout: Layout,
+}
+
+impl Bands {
+    /// Writes over the band that begins with a row.
+    pub(crate) fn annotate(&self, first_row: u32, band: &mut Image) -> tyndall::Result<()> {
+        self.over.draw_cell(first_row, &band.depth, &mut band.color)?;
+        self.layout.draw(first_row, &mut band.color);
+        Ok(())
+    }
+
+    /// What is to be said of it.
+    pub(crate) fn description(&self) -> Option<&str> {
+        self.over.described.as_deref()
+    }
 }
 
 /// Writes over pictures.
@@ -159,71 +194,97 @@ impl<'a> Annotator<'a> {
         Ok(Self { args, report, style, arrangement: None, bar_written: None })
     }
 
-    /// Refuses what cannot be written over a picture of that size, before it is made.
-    pub(crate) fn check(&self, shown: &Shown, size: [u32; 2]) -> Outcome<()> {
-        self.items(shown, size).map(|_| ())
+    /// Refuses what cannot be written over a picture that a camera sees so, before it is made.
+    pub(crate) fn check(&self, shown: &Shown, (camera, frame): (&Camera, &Frame)) -> Outcome<()> {
+        self.items(shown, (camera, frame)).map(|_| ())
     }
 
-    /// Writes over a picture that goes to `path`; into a layer if it is an EXR.
+    /// Writes over a picture, or that of one eye, which goes to `path`; into a layer if it is an EXR. Returns what is to be said of it.
     pub(crate) fn annotate(
         &mut self,
         path: &Path,
-        image: &mut Image,
-        options: &mut ImageOptions,
+        seen: &mut Seen,
         shown: &Shown,
-    ) -> Outcome<()> {
-        self.write_bar(shown)?;
-        let size = [image.width, image.height];
-        let (items, described) = self.items(shown, size)?;
+    ) -> Outcome<Option<String>> {
+        let Some(over) = self.over(shown, (&seen.camera, &seen.frame))? else { return Ok(None) };
+        let is_first = self.arrangement.is_none();
+        let is_layer = path.extension().is_some_and(|it| it.eq_ignore_ascii_case("exr"));
+        let Seen { image, channels, frame, .. } = seen;
+        let mut layer = if is_layer { vec![[0.0; 4]; image.color.len()] } else { Vec::new() };
+        over.draw_cell(0, &image.depth, if is_layer { &mut layer } else { &mut image.color })?;
+        let layout = self.lay_out(&over, frame.size(), image);
+        layout.draw(0, if is_layer { &mut layer } else { &mut image.color });
+        if is_layer {
+            for (channel, name) in ["R", "G", "B", "A"].into_iter().enumerate() {
+                let values = layer.iter().map(|pixel| pixel[channel]).collect();
+                channels.push((format!("annotation.{name}"), values));
+            }
+            if is_first {
+                let text = "note: annotations are the layer 'annotation' of the EXR, not in its picture";
+                self.report.note(text);
+            }
+        }
+        Ok(over.described)
+    }
+
+    /// What is written over the bands of a picture, of which `preview` gives a small one; `None` if nothing is.
+    pub(crate) fn bands(
+        &mut self,
+        seen: (Camera, Frame),
+        shown: &Shown,
+        preview: impl FnOnce() -> Outcome<Image>,
+    ) -> Outcome<Option<Bands>> {
+        let (camera, frame) = seen;
+        let Some(over) = self.over(shown, (&camera, &frame))? else { return Ok(None) };
+        let mut preview = preview()?;
+        let small = Over { frame: Frame::whole([preview.width, preview.height]), ..over.clone() };
+        small.draw_cell(0, &preview.depth, &mut preview.color)?;
+        let layout = self.lay_out(&over, frame.size(), &preview);
+        Ok(Some(Bands { over, layout }))
+    }
+
+    /// What is written over a picture that a camera sees so, if anything is; says what of it cannot be.
+    fn over(&self, shown: &Shown, (camera, frame): (&Camera, &Frame)) -> Outcome<Option<Over>> {
+        let (items, described) = self.items(shown, (camera, frame))?;
         if self.args.cell && shown.cell.is_none() {
             self.report.warn("--cell: the file has no cell");
         }
         let cell = shown.cell.filter(|_| self.args.cell);
         if items.is_empty() && cell.is_none() {
-            return Ok(());
+            return Ok(None);
         }
         let annotations = Annotations { style: self.style.clone(), items };
-        let is_first = self.arrangement.is_none();
-        let is_layer = path.extension().is_some_and(|it| it.eq_ignore_ascii_case("exr"));
-        let mut layer = if is_layer { vec![[0.0; 4]; image.color.len()] } else { Vec::new() };
-        if let Some(cell) = &cell {
-            let surface = Surface { size, depth: &image.depth, behind: shown.behind };
-            let color = if is_layer { &mut layer } else { &mut image.color };
-            annotations.draw_cell(cell, &shown.camera, &surface, color)?;
-        }
-        let arrangement = self.arrangement.get_or_insert_with(|| annotations.arrange(image, shown.behind));
         if let Some(letter) = annotations.missing_character() {
             self.report.warn(&format!(
                 "the font has no '{letter}', a box stands for it — --font FILE takes another"
             ));
         }
-        if let Some(text) = described {
-            options.metadata.push(("Annotations".into(), text.clone()));
-            if is_first {
+        let (camera, frame) = (*camera, *frame);
+        Ok(Some(Over { annotations, cell, camera, frame, behind: shown.behind, described }))
+    }
+
+    /// Lays out a picture of that size, like `image`: at the places of the first one.
+    fn lay_out(&mut self, over: &Over, size: [u32; 2], image: &Image) -> Layout {
+        let Over { annotations, behind, described, .. } = over;
+        if self.arrangement.is_none() {
+            if let Some(text) = described {
                 self.report.note(format_args!("note: {text}"));
             }
+            if *behind == Behind::Nothing && self.style.color.is_none() {
+                let text = "note: annotations are black, for a bright page behind the picture; --annotation-color white for a dark one";
+                self.report.note(text);
+            }
         }
-        if is_first && shown.behind == Behind::Nothing && self.style.color.is_none() {
-            let text = "note: annotations are black, for a bright page behind the picture; --annotation-color white for a dark one";
-            self.report.note(text);
-        }
-        if !is_layer {
-            annotations.draw(arrangement, size, shown.behind, &mut image.color);
-            return Ok(());
-        }
-        annotations.draw(arrangement, size, shown.behind, &mut layer);
-        for (channel, name) in ["R", "G", "B", "A"].into_iter().enumerate() {
-            let values = layer.iter().map(|pixel| pixel[channel]).collect();
-            options.channels.push((format!("annotation.{name}"), values));
-        }
-        if is_first {
-            self.report.note("note: annotations are the layer 'annotation' of the EXR, not in its picture");
-        }
-        Ok(())
+        let arrangement = self.arrangement.get_or_insert_with(|| annotations.arrange(size, image, *behind));
+        annotations.lay_out(arrangement, size, *behind)
     }
 
     /// All that is asked for and can be, and what is to be said of it.
-    fn items(&self, shown: &Shown, size: [u32; 2]) -> Outcome<(Vec<Item>, Option<String>)> {
+    fn items(
+        &self,
+        shown: &Shown,
+        (camera, frame): (&Camera, &Frame),
+    ) -> Outcome<(Vec<Item>, Option<String>)> {
         let args = self.args;
         let (mut items, mut described) = (Vec::new(), None);
         let mut add = |what: What, at: Option<Place>| items.push(Item { what, at });
@@ -236,11 +297,11 @@ impl<'a> Annotator<'a> {
             add(What::Key(legend.clone(), self.heading(legend)), args.bar_at);
         }
         if args.axes {
-            let view = shown.camera.view(DVec3::ZERO, size[0], size[1])?;
+            let view = camera.view(DVec3::ZERO, frame.seen[0], frame.seen[1])?;
             add(What::Axes(directions(&view)), args.axes_at);
         }
         if let Some(Scalebar(wanted)) = &args.scalebar {
-            let bar = ScaleBar::new(&shown.camera, size, wanted.as_ref(), shown.length_unit)?;
+            let bar = ScaleBar::new(camera, frame, wanted.as_ref(), shown.length_unit)?;
             let unit =
                 if shown.length_unit.is_none() { ", in the file's unit, which it does not say" } else { "" };
             described = Some(format!("{}{unit}", bar.description));
@@ -276,7 +337,7 @@ impl<'a> Annotator<'a> {
     }
 
     /// Writes the bar alone: once, or with each frame's number in its name.
-    fn write_bar(&mut self, shown: &Shown) -> Outcome<()> {
+    pub(crate) fn write_bar(&mut self, shown: &Shown) -> Outcome<()> {
         let Some(path) = &self.args.bar_file else { return Ok(()) };
         let Some(legend) = self.legend("--bar-file", shown) else { return Ok(()) };
         let pattern = Pattern::new(path);

@@ -10,6 +10,7 @@ use tyndall::film::Window;
 use tyndall::scene::camera_path::Key;
 use tyndall::scene::select::{Clip, Filter};
 use tyndall::scene::viewpoint::Side;
+use tyndall_io::annotation::Frame;
 use tyndall_io::write::{ImageOptions, movie};
 
 use crate::annotate::Annotate;
@@ -321,6 +322,13 @@ impl Picture {
             Some(Stereo::SideBySide) => [2 * width, height],
             _ => [width, height],
         }
+    }
+
+    /// The picture as a part of what the camera sees.
+    pub(crate) fn frame(&self) -> Frame {
+        let [width, height] = self.pixels();
+        let part = self.crop.unwrap_or(Window::whole(width, height));
+        Frame { seen: [width, height], part }
     }
 
     /// Whether something lies behind the particles everywhere.

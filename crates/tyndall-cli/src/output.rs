@@ -4,13 +4,15 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use clap::ValueEnum;
+use tyndall::scene::camera::Camera;
 use tyndall::{Error, Image};
 use tyndall_io::write::movie::{self, Encoder, Movie, MovieOptions};
 use tyndall_io::write::{self, ImageOptions};
 
-use crate::annotate::{Annotator, Shown};
+use crate::annotate::{Annotator, Bands, Shown};
 use crate::args;
 use crate::report::{Failure, Outcome, Report, counted, seconds};
+use crate::shot::Taken;
 
 /// What encodes an MP4.
 #[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -65,19 +67,26 @@ impl<'a> Output<'a> {
     }
 
     /// Refuses annotations that a picture cannot have, before it is made.
-    pub(crate) fn check(&self, shown: &Shown) -> Outcome<()> {
-        self.annotator.check(shown, self.args.picture.pixels())
+    pub(crate) fn check(&self, shown: &Shown, camera: &Camera) -> Outcome<()> {
+        self.annotator.check(shown, (camera, &self.args.picture.frame()))
     }
 
     /// Writes a picture with its annotations to `path`, or appends it to the movie there, and says how long it took to make.
     pub(crate) fn write(
         &mut self,
         path: &Path,
-        (mut image, mut options): (Image, ImageOptions),
+        (taken, mut options): (Taken, ImageOptions),
         shown: &Shown,
         took: impl FnOnce() -> Duration,
     ) -> Outcome<()> {
-        self.annotator.annotate(path, &mut image, &mut options, shown)?;
+        self.annotator.write_bar(shown)?;
+        let mut described = None;
+        let (image, channels) = taken.finished(|seen| {
+            described = self.annotator.annotate(path, seen, shown)?;
+            Ok(())
+        })?;
+        options.channels = channels;
+        options.metadata.extend(described.map(|text| ("Annotations".into(), text)));
         if self.movie.is_none() && movie::is_movie(path) {
             let begun = Movie::create(path, [image.width, image.height], &self.options(&options.metadata));
             self.movie = Some(begun.map_err(Failure::Output)?);
@@ -93,25 +102,43 @@ impl<'a> Output<'a> {
         Ok(())
     }
 
+    /// What is written over the bands of a picture, of which `preview` gives a small one, if anything is.
+    pub(crate) fn bands(
+        &mut self,
+        camera: &Camera,
+        shown: &Shown,
+        preview: impl FnOnce() -> Outcome<Image>,
+    ) -> Outcome<Option<Bands>> {
+        self.annotator.write_bar(shown)?;
+        self.annotator.bands((*camera, self.args.picture.frame()), shown, preview)
+    }
+
     /// Writes a picture to `path` from bands, of which `band` gives the one that begins with a row, transparent or not; says how long it took,
     /// and returns whether it shows anything.
     pub(crate) fn write_bands(
         &mut self,
         path: &Path,
-        (has_alpha, options): (bool, &ImageOptions),
+        (has_alpha, mut options): (bool, ImageOptions),
+        over: Option<Bands>,
         mut band: impl FnMut(u32) -> tyndall::Result<Image>,
         took: impl FnOnce() -> Duration,
     ) -> Outcome<bool> {
         let size = self.args.picture.pixels();
+        let described = over.as_ref().and_then(Bands::description);
+        options.metadata.extend(described.map(|text| ("Annotations".into(), text.into())));
         let (mut shows, mut is_blank) = (false, false);
         let looked_at = |row| {
-            let image = band(row)?;
+            let mut image = band(row)?;
             shows |= !image.shows_nothing();
             is_blank = !shows && row + image.height == size[1];
             // What shows nothing is not written.
-            if is_blank { Err(Error::Interrupted) } else { Ok(image) }
+            if is_blank {
+                return Err(Error::Interrupted);
+            }
+            over.iter().try_for_each(|over| over.annotate(row, &mut image))?;
+            Ok(image)
         };
-        match write::in_bands(path, size, has_alpha, options, looked_at) {
+        match write::in_bands(path, size, has_alpha, &options, looked_at) {
             Err(_) if is_blank => return Ok(false),
             Err(error @ Error::Interrupted) => return Err(error.into()),
             written => written.map_err(Failure::Output)?,

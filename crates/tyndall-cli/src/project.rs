@@ -29,6 +29,7 @@ use crate::medium::emission::find;
 use crate::names::Numbers;
 use crate::output::{Output, Pattern};
 use crate::report::{Failure, Outcome, Report, bytes, counted, seconds};
+use crate::shot::Taken;
 use crate::values::Background;
 use crate::{ahead, annotate, input, metadata, plan, progress, render, selection};
 
@@ -398,17 +399,13 @@ impl Job<'_> {
             depth: vec![f32::INFINITY; shown.values.len()],
             id: vec![-1; shown.values.len()],
         };
-        let options = ImageOptions {
-            has_depth: false,
-            has_ids: false,
-            channels: vec![("map".into(), shown.values.iter().map(|it| *it as f32).collect())],
-            ..self.args.picture.options(metadata)
-        };
+        let channels = vec![("map".into(), shown.values.iter().map(|it| *it as f32).collect())];
+        let options =
+            ImageOptions { has_depth: false, has_ids: false, ..self.args.picture.options(metadata) };
         let unit = Some(self.args.project.unit.clone()).filter(|unit| !unit.is_empty());
         let key = Key::Amounts(shown.scale.clone());
         let legend = Legend { label: shown.label.clone(), unit, key, missing: None };
         let annotated = annotate::Shown {
-            camera: seen.camera,
             behind: behind.map_or(Behind::Nothing, Behind::Color),
             colors: (Some(&legend), "of the map"),
             frame: seen.frame,
@@ -416,7 +413,9 @@ impl Job<'_> {
             length_unit: particles.length_unit(),
             cell: particles.cell().copied(),
         };
-        output.write(path, (image, options), &annotated, took)
+        let frame = self.args.picture.frame();
+        let taken = Taken::one(annotate::Seen { image, channels, camera: seen.camera, frame });
+        output.write(path, (taken, options), &annotated, took)
     }
 }
 

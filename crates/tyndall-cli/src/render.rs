@@ -183,8 +183,7 @@ impl<'a> Job<'a> {
         }
         let of_picture = shot::beyond_cards(args);
         let part = of_picture.filter(|_| !args.camera.panorama || args.picture.stereo.is_some());
-        let refused = goal.name().zip(part).or(args.annotate.name().zip(shot::not_plain(args)));
-        if let Some((name, other)) = refused {
+        if let Some((name, other)) = goal.name().zip(part) {
             let text = format!("{name} is not for {other} — leave out one of them");
             return Err(Failure::Usage(text));
         }
@@ -585,7 +584,6 @@ impl<'a> Job<'a> {
             let camera = picture.camera(self.args, &self.viewpoint, (&camera, &outline))?;
             self.set_light(&mut scene, dropped, &camera)?;
             let annotated = Annotated {
-                camera,
                 behind: self.behind(),
                 colors: (legend.as_ref(), &color_text),
                 frame: number,
@@ -593,7 +591,7 @@ impl<'a> Job<'a> {
                 length_unit,
                 cell,
             };
-            output.check(&annotated)?;
+            output.check(&annotated, &camera)?;
             let whole = |scene: &Scene, camera: &Camera| {
                 loaded.image(scene, camera, (&self.settings, self.goal), self.report)
             };
@@ -606,22 +604,22 @@ impl<'a> Job<'a> {
                 report: self.report,
                 whole: &whole,
             };
-            let mut options = self.args.picture.options(metadata::of_picture(entries.clone(), picture));
+            let options = self.args.picture.options(metadata::of_picture(entries.clone(), picture));
             let since = if place == 0 { start } else { rendering };
             if let Some(rows) = self.band_rows(&picture.path) {
                 let band = |first| shot.band(&scene, &camera, first, rows);
-                let of_band = (matches!(self.behind(), Behind::Nothing), &options);
-                if !output.write_bands(&picture.path, of_band, band, || since.elapsed())? {
+                let over = output.bands(&camera, &annotated, || shot.preview(&scene, &camera))?;
+                let of_band = (matches!(self.behind(), Behind::Nothing), options);
+                if !output.write_bands(&picture.path, of_band, over, band, || since.elapsed())? {
                     return Err(self.unseen(&scene, dropped, &camera));
                 }
             } else {
-                let (image, channels) = shot.take(&mut scene, &camera)?;
-                if image.shows_nothing() && self.args.picture.crop.is_none() {
+                let taken = shot.take(&mut scene, &camera)?;
+                if taken.shows_nothing() && self.args.picture.crop.is_none() {
                     return Err(self.unseen(&scene, dropped, &camera));
                 }
                 self.report.detail(format_args!("render: {}", seconds(rendering.elapsed().as_secs_f64())));
-                options.channels = channels;
-                output.write(&picture.path, (image, options), &annotated, || since.elapsed())?;
+                output.write(&picture.path, (taken, options), &annotated, || since.elapsed())?;
             }
             *written += 1;
             if progress::stopped() {

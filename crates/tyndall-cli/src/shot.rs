@@ -10,8 +10,10 @@ use tyndall::render::{Renderer, Settings};
 use tyndall::scene::Scene;
 use tyndall::scene::camera::Camera;
 use tyndall::{Image, Result};
+use tyndall_io::annotation::Frame;
 use tyndall_io::write;
 
+use crate::annotate::Seen;
 use crate::args::{self, Stereo};
 use crate::layers::{Channels, Layer, Named, Numbers};
 use crate::report::{Outcome, Report};
@@ -36,18 +38,44 @@ pub(crate) fn band_rows(picture: &args::Picture, path: &Path, memory: Option<u64
     (is_large && is_plain && write::takes_bands(path)).then_some(rows.min(height))
 }
 
-/// What makes a picture one over which nothing can be written, as the command line calls it, if it is one.
-pub(crate) fn not_plain(args: &args::Render) -> Option<&'static str> {
-    let picture = &args.picture;
-    let is_banded = band_rows(picture, &picture.written(0), args.method.memory).is_some();
-    [
-        (picture.crop.is_some(), "--crop"),
-        (picture.stereo.is_some(), "--stereo"),
-        (args.camera.panorama, "--panorama"),
-        (is_banded, "pictures of so many pixels"),
-    ]
-    .into_iter()
-    .find_map(|(is_so, name)| is_so.then_some(name))
+/// A picture as it was taken, or one for each eye.
+pub(crate) struct Taken {
+    first: Seen,
+    second: Option<(Stereo, Seen)>,
+}
+
+impl Taken {
+    /// A picture that is for both eyes.
+    pub(crate) fn one(seen: Seen) -> Self {
+        Self { first: seen, second: None }
+    }
+
+    /// Whether nothing is seen.
+    pub(crate) fn shows_nothing(&self) -> bool {
+        let second = self.second.as_ref().map(|(_, seen)| seen);
+        std::iter::once(&self.first).chain(second).all(|seen| seen.image.shows_nothing())
+    }
+
+    /// The picture, and the channels beside its colors, after something was done to that of each eye. An anaglyph has the channels of the left eye.
+    pub(crate) fn finished(
+        self,
+        mut each: impl FnMut(&mut Seen) -> Outcome<()>,
+    ) -> Outcome<(Image, Channels)> {
+        let Self { first: mut left, second } = self;
+        each(&mut left)?;
+        let Some((stereo, mut right)) = second else { return Ok((left.image, left.channels)) };
+        each(&mut right)?;
+        Ok(match stereo {
+            Stereo::SideBySide => {
+                let width = left.image.width;
+                for ((_, left), (_, right)) in left.channels.iter_mut().zip(&right.channels) {
+                    *left = beside(width, left, right);
+                }
+                (side_by_side(&left.image, &right.image), left.channels)
+            }
+            Stereo::Anaglyph => (anaglyph(&left.image, &right.image), left.channels),
+        })
+    }
 }
 
 /// What of a picture cards do not draw, as the command line calls it, if anything of that is wanted.
@@ -65,6 +93,9 @@ pub(crate) fn beyond_cards(args: &args::Render) -> Option<&'static str> {
     .find_map(|(is_wanted, name)| is_wanted.then_some(name))
 }
 
+/// Pixels of the longer side of a preview.
+const PREVIEW: f64 = 1024.0;
+
 /// What makes pictures of a scene.
 pub(crate) struct Shot<'a> {
     pub(crate) picture: &'a args::Picture,
@@ -78,27 +109,34 @@ pub(crate) struct Shot<'a> {
 }
 
 impl Shot<'_> {
-    /// The picture, and the channels beside its colors.
-    pub(crate) fn take(&self, scene: &mut Scene, camera: &Camera) -> Outcome<(Image, Channels)> {
+    /// The picture, or that of each eye.
+    pub(crate) fn take(&self, scene: &mut Scene, camera: &Camera) -> Outcome<Taken> {
         let Settings { width, height, .. } = *self.settings;
         let Some(stereo) = self.picture.stereo else {
-            return self.with_layers(scene, camera, self.settings, self.picture.crop);
+            let (image, channels) = self.with_layers(scene, camera, self.settings, self.picture.crop)?;
+            let frame = self.picture.frame();
+            return Ok(Taken::one(Seen { image, channels, camera: *camera, frame }));
         };
         let eyes = Eyes::new(camera, self.picture.eye_separation.map(f64::from), [width, height])?;
         let settings = Settings { width: eyes.width, ..*self.settings };
-        let mut of_eye =
-            |eye: usize| self.with_layers(scene, &eyes.cameras[eye], &settings, Some(eyes.windows[eye]));
-        let ((left, mut channels), (right, of_right)) = (of_eye(0)?, of_eye(1)?);
-        let image = match stereo {
-            Stereo::SideBySide => {
-                for ((_, left), (_, right)) in channels.iter_mut().zip(&of_right) {
-                    *left = beside(width, left, right);
-                }
-                side_by_side(&left, &right)
-            }
-            Stereo::Anaglyph => anaglyph(&left, &right),
+        let mut of_eye = |eye: usize| -> Outcome<Seen> {
+            let (camera, part) = (eyes.cameras[eye], eyes.windows[eye]);
+            let (image, channels) = self.with_layers(scene, &camera, &settings, Some(part))?;
+            let frame = Frame { seen: [eyes.width, height], part };
+            Ok(Seen { image, channels, camera, frame })
         };
-        Ok((image, channels))
+        Ok(Taken { first: of_eye(0)?, second: Some((stereo, of_eye(1)?)) })
+    }
+
+    /// All of the picture in a small size, which tells where there is room.
+    pub(crate) fn preview(&self, scene: &Scene, camera: &Camera) -> Outcome<Image> {
+        let Settings { width, height, .. } = *self.settings;
+        let share = PREVIEW / f64::from(width.max(height));
+        let [width, height] = [width, height].map(|it| (f64::from(it) * share).round().max(1.0) as u32);
+        let settings = Settings { width, height, samples: 1, ..*self.settings };
+        let mut renderer = Renderer::new(scene, camera, &settings)?;
+        renderer.finish(&())?;
+        Ok(renderer.image())
     }
 
     fn with_layers(

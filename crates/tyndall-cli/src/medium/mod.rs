@@ -42,6 +42,7 @@ use crate::looks::LightLook;
 use crate::names::Numbers;
 use crate::output::{Output, Pattern};
 use crate::report::{Failure, Outcome, Report, counted, seconds};
+use crate::shot::Taken;
 use crate::sources::{self, Sources};
 use crate::values::Background;
 use crate::{ahead, annotate, dry_run, input, metadata, plan, progress, render, selection};
@@ -334,7 +335,6 @@ impl Job<'_> {
             let options = self.args.picture.options(metadata::of_picture(facts.metadata.to_vec(), picture));
             let since = if place == 0 { start } else { marching };
             let shown = annotate::Shown {
-                camera,
                 behind: match self.background() {
                     Background::Nothing => Behind::Nothing,
                     Background::Color(color) => Behind::Color(color),
@@ -346,9 +346,11 @@ impl Job<'_> {
                 length_unit: facts.length_unit,
                 cell: facts.cell,
             };
-            output.check(&shown)?;
-            let finished = renderer.picture(&self.view(&camera, scene.origin)?, options)?;
-            output.write(&picture.path, finished, &shown, || since.elapsed())?;
+            output.check(&shown, &camera)?;
+            let (image, channels) = renderer.picture(&self.view(&camera, scene.origin)?)?;
+            let frame = self.args.picture.frame();
+            let taken = Taken::one(annotate::Seen { image, channels, camera, frame });
+            output.write(&picture.path, (taken, options), &shown, || since.elapsed())?;
             *written += 1;
             if progress::stopped() {
                 return Err(Error::Interrupted.into());

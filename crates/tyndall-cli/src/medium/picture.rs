@@ -13,12 +13,11 @@ use tyndall::render::medium::reference::{self, Reference};
 use tyndall::render::medium::solids::Solids;
 use tyndall::render::medium::{Backdrop, picture, show};
 use tyndall::scene::camera::View;
-use tyndall_io::write::ImageOptions;
 
 use super::args::{CacheName, MethodName, Shown};
 use super::bodies::Bodies;
 use super::{Job, Scene};
-use crate::layers::Layer;
+use crate::layers::{Channels, Layer};
 use crate::report::{Failure, Outcome, bytes, counted, seconds};
 use crate::values::Background;
 
@@ -105,8 +104,8 @@ impl<'a> Renderer<'a> {
         Ok(photons)
     }
 
-    /// Makes a picture, and adds to `options` the channels that belong to it.
-    pub(super) fn picture(&self, view: &View, mut options: ImageOptions) -> Outcome<(Image, ImageOptions)> {
+    /// Makes a picture, with the channels beside its colors.
+    pub(super) fn picture(&self, view: &View) -> Outcome<(Image, Channels)> {
         let start = Instant::now();
         let (image, pixels) = self.image(view)?;
         self.job.report.detail(format_args!("picture: {}", seconds(start.elapsed().as_secs_f64())));
@@ -114,15 +113,15 @@ impl<'a> Renderer<'a> {
             let values = pixels.iter().map(|pixel| pixel.transmittance[channel]).collect();
             (format!("transmittance.{name}"), values)
         };
-        if self.job.args.picture.has_layer(Layer::Transmittance) {
-            options.channels = vec![layer("R", 0), layer("G", 1), layer("B", 2)];
-        }
-        let Some(window) = self.job.args.picture.crop else { return Ok((image, options)) };
+        let has_layer = self.job.args.picture.has_layer(Layer::Transmittance);
+        let mut channels =
+            if has_layer { vec![layer("R", 0), layer("G", 1), layer("B", 2)] } else { Vec::new() };
+        let Some(window) = self.job.args.picture.crop else { return Ok((image, channels)) };
         // What is scattered in a medium is found for all of the picture.
-        for (_, values) in &mut options.channels {
+        for (_, values) in &mut channels {
             *values = window.cut(image.width, values);
         }
-        Ok((image.part(window), options))
+        Ok((image.part(window), channels))
     }
 
     fn image(&self, view: &View) -> Outcome<(Image, Vec<Pixel>)> {

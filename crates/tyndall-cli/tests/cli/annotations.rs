@@ -91,6 +91,47 @@ fn an_exr_has_annotations_as_a_layer_of_its_own() {
 }
 
 #[test]
+fn parts_and_pictures_for_two_eyes_are_annotated_as_pictures_of_their_own() {
+    let folder = Folder::new();
+    folder.file("a.xyz", line_of(9));
+    let draw = |name: &str, words: &str| {
+        let camera = "--eye 4,-20,0 --look-at 4,0,0 --radius 0.4 --look flat --samples 1 --size 200x120";
+        folder.line(&format!("render a.xyz -o {name} {camera} {words} -q")).fine();
+    };
+    let over =
+        "--scalebar 2 --scalebar-at bottom --title Line --title-at top-left --annotation-color #00ff00";
+    // Rows that have something green, and the longest run of it.
+    let green = |name: &str, width: usize| {
+        let is_green = |color: &[u8; 3]| color[1] > color[0].max(color[2]);
+        let run = |row: &[[u8; 3]]| row.split(|it| *it != [0, 255, 0]).map(<[_]>::len).max();
+        let rows = rows(&folder, name, width);
+        let longest = rows.iter().filter_map(|row| run(row)).max().unwrap();
+        (rows.iter().filter(|row| row.iter().any(is_green)).count(), longest)
+    };
+    draw("whole.png", over);
+    draw("part.png", &format!("{over} --crop 30,20,150,90"));
+    let [whole, part] = [green("whole.png", 200), green("part.png", 150)];
+    // A length is as many pixels in both.
+    assert_eq!(whole.1, part.1);
+    assert!(whole.0 > 10 && part.0 > 10, "{whole:?} {part:?}");
+
+    draw("both.png", &format!("{over} --stereo side-by-side"));
+    let both = rows(&folder, "both.png", 400);
+    let differ = |(left, right): (&[u8; 3], &[u8; 3])| (left[1] > 200) != (right[1] > 200);
+    // The same at the same places for both eyes: where the line of particles is not.
+    for row in both[..40].iter().chain(&both[80..]) {
+        let (left, right) = row.split_at(200);
+        assert!(!left.iter().zip(right).any(differ));
+    }
+    assert_eq!(green("both.png", 400).1, whole.1);
+    draw("glasses.png", &format!("{over} --stereo anaglyph"));
+    draw("around.exr", "--panorama --title Line --axes --time-label {frame}");
+    folder
+        .render("a.xyz -o a.png --panorama --scalebar 1")
+        .fails(2, &["--scalebar", "panoramas, which have no scale"]);
+}
+
+#[test]
 fn movies_and_scene_files_have_annotations_too() {
     let folder = Folder::new();
     folder.file("a.xyz", line_of(9).repeat(3));

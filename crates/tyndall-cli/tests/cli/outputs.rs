@@ -149,7 +149,8 @@ fn a_jpeg_is_opaque() {
 fn a_picture_that_is_too_large_for_the_memory_is_written_in_bands() {
     let folder = Folder::new();
     folder.file("a.xyz", line_of(6));
-    for words in ["--look flat --background none", "--bits 16", "--look toon --depth-cue"] {
+    let over = "--title Line --title-at top --bar --bar-at left --scalebar 2 --scalebar-at bottom --axes --axes-at bottom-right";
+    for words in ["--look flat --background none", "--bits 16", "--look toon --depth-cue", over] {
         let words = format!("--size 300x211 --samples 4 {WORDS} {words}");
         folder.line(&format!("render a.xyz -o a.png {words}")).fine();
         folder.line(&format!("render a.xyz -o b.png {words} --memory 2M")).fine();

@@ -3,14 +3,16 @@
 use tyndall::scene::camera::{Camera, View};
 use tyndall::{Cell, Result, Vec3};
 
-use super::mark::{Ink, stroke};
+use super::mark::{Ink, Mark, stroke};
 use super::raster::{Canvas, mask};
-use super::{Annotations, Behind};
+use super::{Annotations, Behind, Frame};
 
-/// A picture that a cell is drawn into.
+/// A picture that a cell is drawn into, or a band of its rows.
 pub struct Surface<'a> {
-    /// Its pixels across and down.
-    pub size: [u32; 2],
+    /// What the camera sees, and the picture's part of it.
+    pub frame: Frame,
+    /// Rows of the picture above those that are drawn into.
+    pub first_row: u32,
     /// Of each pixel the distance of what it shows, as in [`tyndall::Image`].
     pub depth: &'a [f32],
     /// What is behind the data.
@@ -21,11 +23,13 @@ pub struct Surface<'a> {
 const NEAREST: f32 = 1e-3;
 /// By how much of its distance a line may lie behind what hides it: the picture's depth is rounded, and of the pixel's middle.
 const BIAS: f32 = 1e-3;
+/// A panorama shows straight lines as curves, of pieces over this angle.
+const PIECE: f32 = 0.01;
 
 impl Annotations {
     /// Draws the edges of a cell over `color`, linear RGB premultiplied by the alpha in the fourth place, as a camera sees them.
     ///
-    /// Fails with [`tyndall::Error::Setting`] if the camera has no direction. Panics if the surface and `color` have not `width * height` pixels.
+    /// Fails with [`tyndall::Error::Setting`] if the camera has no direction. Panics if the surface's depth and `color` have not as many pixels, in whole rows.
     pub fn draw_cell(
         &self,
         cell: &Cell,
@@ -33,62 +37,108 @@ impl Annotations {
         surface: &Surface,
         color: &mut [[f32; 4]],
     ) -> Result<()> {
-        let &Surface { size, depth, behind } = surface;
-        let [width, height] = size;
-        assert_eq!(
-            [depth.len(), color.len()],
-            [width as usize * height as usize; 2],
-            "pixels of the picture"
-        );
+        let &Surface { frame, first_row, depth, behind } = surface;
+        let [width, _] = frame.size();
+        let rows = color.len() / width as usize;
+        assert_eq!([depth.len(), color.len()], [width as usize * rows; 2], "whole rows of the picture");
         // Far from zero only differences are precise.
-        let view = camera.view(camera.look_at, width, height)?;
-        let distance = camera.eye.distance(camera.look_at) as f32;
-        let near = if view.perspective { NEAREST * distance } else { 0.0 };
-        let line = (0.07 * self.em(size)).max(1.0);
-        let canvas = Canvas { size, text: self.ink(behind), rim: [0.0; 3] };
-        for [from, to] in cell.edges() {
-            let ends = [from, to].map(|corner| inside(&view, (corner - camera.look_at).as_vec3()));
-            let Some(ends) = clipped(ends, near) else { continue };
-            let [start, end] = ends.map(|end| pixel(&view, end));
-            let Some([start, end]) = within([start, end], size, line) else { continue };
-            let Some(mask) = mask(&stroke(start, end, line, Ink::Text), &self.style.font) else { continue };
-            let [first, last] = [start, end].map(|at| distance_along(&view, ends, at));
-            canvas.fill_behind(&mask, color, |x, y| {
-                let place = share([x, y], start, end);
-                let forward = if view.perspective {
-                    // Along a line in the picture the inverse of the distance grows evenly.
-                    1.0 / ((1.0 - place) / first + place / last)
-                } else {
-                    (1.0 - place) * first + place * last
-                };
-                let [u, v] = [view.left + x * view.pixel, view.top - y * view.pixel];
-                let along_ray =
-                    if view.perspective { forward * (1.0 + u * u + v * v).sqrt() } else { forward };
-                depth[y as usize * width as usize + x as usize] < along_ray * (1.0 - BIAS)
-            });
+        let view = camera.view(camera.look_at, frame.seen[0], frame.seen[1])?;
+        let near = NEAREST * camera.eye.distance(camera.look_at) as f32;
+        let line = (0.07 * self.em(frame.size())).max(1.0);
+        let band = [width, rows as u32];
+        let canvas = Canvas { size: band, first_row: 0, text: self.ink(behind), rim: [0.0; 3] };
+        // Where the band begins in what the camera sees.
+        let corner = [frame.part.x, frame.part.y + first_row].map(|it| it as f32);
+        for edge in cell.edges() {
+            let ends = edge.map(|end| (end - camera.look_at).as_vec3());
+            let is_hidden = |x: f32, y: f32| {
+                let along = distance_along(&view, ends, [x + corner[0], y + corner[1]]);
+                depth[y as usize * width as usize + x as usize] < along * (1.0 - BIAS)
+            };
+            for run in runs(&view, ends, near, frame.seen[0] as f32) {
+                let run: Vec<[f32; 2]> = run.iter().map(|[x, y]| [x - corner[0], y - corner[1]]).collect();
+                for mark in strokes(&run, band, line) {
+                    if let Some(mask) = mask(&mark, &self.style.font) {
+                        canvas.fill_behind(&mask, color, is_hidden);
+                    }
+                }
+            }
         }
         Ok(())
     }
 }
 
-/// How far a point is to the right, up and forward from the eye.
-fn inside(view: &View, point: Vec3) -> Vec3 {
-    let off = point - view.eye;
-    Vec3::new(off.dot(view.right), off.dot(view.up), off.dot(view.forward))
+/// Where a camera sees a line, in pixels of all that it sees, `width` across: two ends, or a curve, which a panorama may show on both of its sides.
+fn runs(view: &View, [from, to]: [Vec3; 2], near: f32, width: f32) -> Vec<Vec<[f32; 2]>> {
+    if !view.panorama {
+        let near = if view.perspective { near } else { f32::MIN };
+        let forward = |point: Vec3| (point - view.eye).dot(view.forward);
+        let ends = clipped([from, to], [from, to].map(forward), near);
+        let seen = ends.map(|ends| ends.iter().filter_map(|end| view.pixel_of(*end)).collect());
+        return seen.into_iter().collect();
+    }
+    let [first, last] = [from, to].map(|end| (end - view.eye).normalize_or_zero());
+    let angle = first.angle_between(last);
+    if !angle.is_finite() {
+        return Vec::new();
+    }
+    let pieces = (angle / PIECE).ceil().max(1.0);
+    // Across the great circle, by equal angles.
+    let across = (last - first.dot(last) * first).normalize_or_zero();
+    let mut run: Vec<[f32; 2]> = Vec::new();
+    for piece in 0..=pieces as u32 {
+        let (sin, cos) = (angle * piece as f32 / pieces).sin_cos();
+        let Some([x, y]) = view.pixel_of(view.eye + cos * first + sin * across) else { continue };
+        // It goes on beyond the side on which the panorama ends.
+        let turns = run.last().map_or(0.0, |[before, _]| ((before - x) / width).round());
+        run.push([x + turns * width, y]);
+    }
+    let shifted = |turns: f32| run.iter().map(|[x, y]| [x + turns * width, *y]).collect();
+    [-1.0, 0.0, 1.0].map(shifted).into()
 }
 
-/// The part of a line that is farther than `near`.
-fn clipped([from, to]: [Vec3; 2], near: f32) -> Option<[Vec3; 2]> {
-    let cut = |one: Vec3, other: Vec3| {
-        if one.z >= near { one } else { one + (near - one.z) / (other.z - one.z) * (other - one) }
+/// The parts of a run of points within a picture of that size, as lines of a thickness.
+fn strokes(run: &[[f32; 2]], size: [u32; 2], thickness: f32) -> Vec<Mark> {
+    if let [from, to] = *run {
+        let ends = within([from, to], size, thickness);
+        return ends.map(|[from, to]| stroke(from, to, thickness, Ink::Text)).into_iter().collect();
+    }
+    let mut parts: Vec<Vec<[f32; 2]>> = vec![Vec::new()];
+    for piece in run.windows(2) {
+        match within([piece[0], piece[1]], size, thickness) {
+            Some([from, to]) => {
+                let Some(part) = parts.last_mut() else { continue };
+                if part.is_empty() {
+                    part.push(from);
+                }
+                part.push(to);
+            }
+            None => parts.push(Vec::new()),
+        }
+    }
+    parts.iter().filter(|part| part.len() > 1).map(|part| ribbon(part, thickness)).collect()
+}
+
+/// A line of that thickness through points of a gentle curve.
+fn ribbon(points: &[[f32; 2]], thickness: f32) -> Mark {
+    let side = |sign: f32| {
+        (0..points.len()).map(move |at| {
+            let (before, after) = (points[at.saturating_sub(1)], points[(at + 1).min(points.len() - 1)]);
+            let along = [after[0] - before[0], after[1] - before[1]];
+            let scale = sign * 0.5 * thickness / along[0].hypot(along[1]).max(1e-6);
+            [points[at][0] - scale * along[1], points[at][1] + scale * along[0]]
+        })
     };
-    (from.z >= near || to.z >= near).then(|| [cut(from, to), cut(to, from)])
+    Mark::Area { corners: side(1.0).chain(side(-1.0).rev()).collect(), ink: Ink::Text }
 }
 
-/// Where a point is in the picture.
-fn pixel(view: &View, point: Vec3) -> [f32; 2] {
-    let scale = if view.perspective { 1.0 / (point.z * view.pixel) } else { 1.0 / view.pixel };
-    [point.x * scale - view.left / view.pixel, view.top / view.pixel - point.y * scale]
+/// The part of a line, whose ends lie so far ahead, that is farther than `near`.
+fn clipped([from, to]: [Vec3; 2], ahead: [f32; 2], near: f32) -> Option<[Vec3; 2]> {
+    let cut = |one: Vec3, other: Vec3, [own, others]: [f32; 2]| {
+        if own >= near { one } else { one + (near - own) / (others - own) * (other - one) }
+    };
+    let [first, last] = ahead;
+    (first >= near || last >= near).then(|| [cut(from, to, [first, last]), cut(to, from, [last, first])])
 }
 
 /// The part of a line in the picture, or little more: Liang and Barsky 1984.
@@ -113,30 +163,22 @@ fn within([from, to]: [[f32; 2]; 2], size: [u32; 2], margin: f32) -> Option<[[f3
     (first < last).then(|| [at(first), at(last)])
 }
 
-/// How far along a line in the picture a point is: 0 at its start, 1 at its end.
-fn share(point: [f32; 2], from: [f32; 2], to: [f32; 2]) -> f32 {
-    let along = [to[0] - from[0], to[1] - from[1]];
-    let length_sq = along[0] * along[0] + along[1] * along[1];
-    let off = [point[0] - from[0], point[1] - from[1]];
-    ((off[0] * along[0] + off[1] * along[1]) / length_sq.max(1e-12)).clamp(0.0, 1.0)
-}
-
-/// How far forward the point of a line is that is seen at a place of the picture.
-fn distance_along(view: &View, ends: [Vec3; 2], at: [f32; 2]) -> f32 {
-    let [from, to] = ends.map(|end| pixel(view, end));
-    let place = share(at, from, to);
-    let [first, last] = ends.map(|end| end.z);
-    if view.perspective {
-        1.0 / ((1.0 - place) / first + place / last)
-    } else {
-        (1.0 - place) * first + place * last
-    }
+/// How far along the ray through a place of what a camera sees it passes a line.
+fn distance_along(view: &View, [from, to]: [Vec3; 2], [x, y]: [f32; 2]) -> f32 {
+    let ray = view.ray(x, y);
+    let (origin, direction) = (ray.origin.as_dvec3(), ray.direction.as_dvec3());
+    let (line, off) = ((to - from).as_dvec3(), origin - from.as_dvec3());
+    // The point of the line from which the ray is least far: none is better where they go the same way.
+    let across = line - line.dot(direction) * direction;
+    let share = (off.dot(across) / across.length_squared().max(f64::MIN_POSITIVE)).clamp(0.0, 1.0);
+    (share * line - off).dot(direction) as f32
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use tyndall::DVec3;
+    use tyndall::film::Window;
     use tyndall::scene::camera::Projection;
 
     fn camera(projection: Projection) -> Camera {
@@ -152,13 +194,20 @@ mod tests {
 
     #[test]
     fn edges_are_where_rays_pass_them_and_hidden_by_what_is_nearer() {
-        let size = [120, 90];
+        let size = [180, 90];
         let annotations = Annotations::default();
-        for projection in
-            [Projection::Perspective { vertical_angle: 0.7 }, Projection::Orthographic { height: 6.0 }]
-        {
-            let camera = camera(projection);
-            let view = camera.view(camera.look_at, 120, 90).unwrap();
+        for (projection, wall) in [
+            (Projection::Perspective { vertical_angle: 0.7 }, 11.0),
+            (Projection::Orthographic { height: 6.0 }, 11.0),
+            (Projection::Panorama, 2.0),
+        ] {
+            let mut camera = camera(projection);
+            let is_panorama = projection == Projection::Panorama;
+            if is_panorama {
+                // From within, near the corner between two edges.
+                camera.eye = camera.look_at + DVec3::new(1.0, 0.4, 0.3);
+            }
+            let view = camera.view(camera.look_at, 180, 90).unwrap();
             let points: Vec<[Vec3; 2]> =
                 cell().edges().map(|edge| edge.map(|end| (end - camera.look_at).as_vec3())).collect();
             assert_eq!(points.len(), 12);
@@ -170,24 +219,34 @@ mod tests {
                     let distance = |point: Vec3| {
                         let along = (point - ray.origin).dot(ray.direction);
                         let off = (point - ray.origin - along * ray.direction).length();
-                        (off / (view.pixel * if view.perspective { along } else { 1.0 }), along)
+                        let pixels = off / (view.pixel * if view.perspective { along } else { 1.0 });
+                        (if pixels < 0.0 { f32::INFINITY } else { pixels }, along)
                     };
                     steps.map(distance).min_by(|a, b| a.0.total_cmp(&b.0)).unwrap()
                 };
                 points.iter().map(nearest).collect()
             };
-            let draw = |depth: f32| {
-                let mut color = vec![[1.0; 4]; 120 * 90];
-                let depth = vec![depth; 120 * 90];
-                let surface = Surface { size, depth: &depth, behind: Behind::Color([1.0; 3]) };
+            let draw_part = |depth: f32, part: Window, first_row: u32| {
+                let pixels = (part.width * (part.height - first_row)) as usize;
+                let (mut color, depth) = (vec![[1.0; 4]; pixels], vec![depth; pixels]);
+                let (frame, behind) = (Frame { seen: size, part }, Behind::Color([1.0; 3]));
+                let surface = Surface { frame, first_row, depth: &depth, behind };
                 annotations.draw_cell(&cell(), &camera, &surface, &mut color).unwrap();
                 color
             };
-            let wall = 11.0;
+            let draw = |depth: f32| draw_part(depth, Window::whole(180, 90), 0);
             let (open, walled) = (draw(f32::INFINITY), draw(wall));
+            let part = Window { x: 31, y: 12, width: 120, height: 50 };
+            let below = Window { y: part.y + 5, height: part.height - 5, ..part };
+            let found = draw_part(wall, part, 5);
+            let differ = |(one, other): (&[f32; 4], &[f32; 4])| (one[0] - other[0]).abs();
+            let most = found.iter().zip(&below.cut(180, &walled)).map(differ).fold(0.0, f32::max);
+            assert!(most < 1e-3, "{projection:?}: parts are not those of the whole by {most}");
             let (mut seen, mut hidden) = (0, 0);
-            for place in (0..120 * 90).step_by(7) {
-                let all = passes(place % 120, place / 120);
+            // Toward the poles a panorama is wider than what it shows.
+            let rows = if is_panorama { 25..65 } else { 0..90 };
+            for place in (180 * rows.start..180 * rows.end).step_by(7) {
+                let all = passes(place % 180, place / 180);
                 let (least, along) = all.iter().copied().min_by(|a, b| a.0.total_cmp(&b.0)).unwrap();
                 let is_dark = |color: &[[f32; 4]]| color[place][0] < 0.9;
                 if least < 0.3 {
@@ -198,7 +257,7 @@ mod tests {
                     assert!(!is_dark(&open), "pixel {place} is {least} from any edge");
                 }
                 let others_far = all.iter().filter(|it| it.0 < 1.6).count() == 1;
-                if least < 0.3 && others_far && (along - wall).abs() > 0.05 {
+                if least < 0.3 && others_far && (along - wall).abs() > 0.05 * wall / 11.0 {
                     assert_eq!(is_dark(&walled), along < wall, "pixel {place}, {along} away");
                     hidden += usize::from(along > wall);
                 }
@@ -210,8 +269,8 @@ mod tests {
     #[test]
     fn what_is_behind_the_eye_is_cut_off() {
         let line = [Vec3::new(0.0, 0.0, -1.0), Vec3::new(2.0, 0.0, 1.0)];
-        assert_eq!(clipped(line, 0.5), Some([Vec3::new(1.5, 0.0, 0.5), line[1]]));
-        assert_eq!(clipped([Vec3::NEG_Z, 2.0 * Vec3::NEG_Z], 0.5), None);
+        assert_eq!(clipped(line, [-1.0, 1.0], 0.5), Some([Vec3::new(1.5, 0.0, 0.5), line[1]]));
+        assert_eq!(clipped(line, [-1.0, -2.0], 0.5), None);
         assert_eq!(within([[-10.0, 5.0], [30.0, 5.0]], [20, 10], 0.0), Some([[0.0, 5.0], [20.0, 5.0]]));
         assert_eq!(within([[-10.0, 50.0], [30.0, 50.0]], [20, 10], 0.0), None);
         let flat =

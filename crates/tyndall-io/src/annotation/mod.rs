@@ -16,6 +16,7 @@ mod svg;
 mod ticks;
 
 use tyndall::Image;
+use tyndall::film::Window;
 use tyndall::scene::color::Legend;
 use tyndall::srgb::linear_from_encoded;
 
@@ -54,6 +55,27 @@ pub enum Behind {
     Color([f32; 3]),
     /// Another picture, such as a sky.
     Picture,
+}
+
+/// A picture as a part of what a camera sees.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Frame {
+    /// Pixels across and down of what the camera sees.
+    pub seen: [u32; 2],
+    /// The part that the picture is.
+    pub part: Window,
+}
+
+impl Frame {
+    /// All that a camera sees, in a picture of that size.
+    pub fn whole([width, height]: [u32; 2]) -> Self {
+        Self { seen: [width, height], part: Window::whole(width, height) }
+    }
+
+    /// Pixels across and down of the picture.
+    pub fn size(&self) -> [u32; 2] {
+        [self.part.width, self.part.height]
+    }
 }
 
 /// Something to be written over a picture.
@@ -99,33 +121,19 @@ const MOST_EM: f32 = 0.06;
 const TITLE: f32 = 1.35;
 
 impl Annotations {
-    /// Finds places for all items in a picture of data before `behind`, and like pictures that follow it.
-    pub fn arrange(&self, image: &Image, behind: Behind) -> Arrangement {
-        place::arrange(self, image, behind)
+    /// Finds places for all items in a picture of that size, data before `behind`, and like pictures that follow it. `image` may be the same picture
+    /// in a smaller size.
+    pub fn arrange(&self, size: [u32; 2], image: &Image, behind: Behind) -> Arrangement {
+        place::arrange(self, size, (image, behind))
     }
 
-    /// Draws all items over `color`, the pixels of a picture of that size: linear RGB, premultiplied by the alpha in the fourth place.
-    ///
-    /// Where they are over data, texts have a rim in the color of what is behind it. With all pixels transparent this gives a layer of
-    /// its own. Panics if `color` has not `width * height` pixels.
-    pub fn draw(
-        &self,
-        arrangement: &Arrangement,
-        [width, height]: [u32; 2],
-        behind: Behind,
-        color: &mut [[f32; 4]],
-    ) {
-        assert_eq!(color.len(), width as usize * height as usize, "pixels of the picture");
-        let canvas = raster::Canvas {
-            size: [width, height],
-            text: self.ink(behind),
-            rim: rim(behind, self.ink(behind)),
-        };
-        for item in &self.items {
-            if let Some((block, corner)) = place::placed(self, item, arrangement, [width, height]) {
-                canvas.draw(&block, corner, &self.style.font, color);
-            }
-        }
+    /// All items at their places in a picture of that size.
+    pub fn lay_out(&self, arrangement: &Arrangement, size: [u32; 2], behind: Behind) -> Layout {
+        let ink = self.ink(behind);
+        let canvas = raster::Canvas { size, first_row: 0, text: ink, rim: rim(behind, ink) };
+        let placed = self.items.iter().filter_map(|item| place::placed(self, item, arrangement, size));
+        let blocks = placed.map(|(block, corner)| canvas.marks(&block, corner, &self.style.font)).collect();
+        Layout { canvas, blocks }
     }
 
     /// The color of texts and lines: sRGB.
@@ -171,6 +179,26 @@ impl Annotations {
             What::ScaleBar(bar) => bar.block(em, font),
             What::Axes(directions) => axes::block(directions, em),
         }
+    }
+}
+
+/// What is written over a picture, in pixels.
+pub struct Layout {
+    canvas: raster::Canvas,
+    blocks: Vec<Vec<raster::Drawn>>,
+}
+
+impl Layout {
+    /// Draws all over `color`, rows of the picture from `first_row` on: linear RGB, premultiplied by the alpha in the fourth place.
+    ///
+    /// Where they are over data, texts have a rim in the color of what is behind it. With all pixels transparent this gives a layer of
+    /// its own. Panics if `color` has not whole rows.
+    pub fn draw(&self, first_row: u32, color: &mut [[f32; 4]]) {
+        let [width, _] = self.canvas.size;
+        let rows = color.len() / width as usize;
+        assert_eq!(color.len(), width as usize * rows, "whole rows of the picture");
+        let canvas = raster::Canvas { size: [width, rows as u32], first_row, ..self.canvas };
+        self.blocks.iter().for_each(|marks| canvas.draw(marks, color));
     }
 }
 

@@ -140,11 +140,16 @@ fn rank(item: &Item) -> u32 {
 }
 
 /// See [`Annotations::arrange`].
-pub(super) fn arrange(annotations: &Annotations, image: &Image, behind: Behind) -> Arrangement {
-    let size = [image.width, image.height];
+pub(super) fn arrange(
+    annotations: &Annotations,
+    size: [u32; 2],
+    (image, behind): (&Image, Behind),
+) -> Arrangement {
     let em = annotations.em(size);
     let (margin, gap) = (margin(em), 0.6 * em);
     let data = Coverage::of(image, behind);
+    // Pixels of the image for one of the picture.
+    let scale = [image.width as f32 / size[0] as f32, image.height as f32 / size[1] as f32];
     let mut items: Vec<&Item> = annotations.items.iter().collect();
     items.sort_by_key(|item| rank(item));
     let mut taken: Vec<Rectangle> = Vec::new();
@@ -156,7 +161,8 @@ pub(super) fn arrange(annotations: &Annotations, image: &Image, behind: Behind) 
         for &place in places {
             let block = annotations.block(item, place, size);
             let Some((spot, found)) = free(&block, place, (size, margin, gap), &taken) else { continue };
-            let covered = data.share(&found);
+            let [left, top, right, bottom] = found;
+            let covered = data.share(&[scale[0] * left, scale[1] * top, scale[0] * right, scale[1] * bottom]);
             // A later place has to be clearly better.
             if best.as_ref().is_none_or(|(least, ..)| covered < 0.8 * least - 1e-3) {
                 best = Some((covered, spot, found));

@@ -10,9 +10,13 @@ use super::font::{Curve, Font};
 use super::mark::{Block, Direction, Ink, Mark};
 use super::{MIDDLE, linear, luminance};
 
-/// A picture to be drawn on.
+/// A picture to be drawn on, or a band of its rows.
+#[derive(Clone, Copy)]
 pub(super) struct Canvas {
+    /// Pixels across and rows.
     pub(super) size: [u32; 2],
+    /// Rows of the picture above it.
+    pub(super) first_row: u32,
     /// Of texts, sRGB.
     pub(super) text: [u8; 3],
     /// Around marks that are over something, linear.
@@ -26,6 +30,14 @@ const DARK_WEIGHT: f32 = 1.7;
 /// How much of the data the rim hides.
 const OPACITY: f32 = 0.8;
 
+/// A mark and the pixels that it covers.
+pub(super) struct Drawn {
+    mark: Mark,
+    mask: Option<Mask>,
+    /// Around it, over what is there.
+    rim: Option<Mask>,
+}
+
 /// How much of some pixels is covered, 0 to 1, from the pixel `corner` on.
 pub(super) struct Mask {
     corner: [i64; 2],
@@ -34,31 +46,42 @@ pub(super) struct Mask {
 }
 
 impl Canvas {
-    /// Draws a block whose corner is at a pixel.
-    pub(super) fn draw(&self, block: &Block, corner: [f32; 2], font: &Font, color: &mut [[f32; 4]]) {
-        let marks: Vec<Mark> = block.marks.iter().cloned().map(|mark| mark.moved(corner)).collect();
-        let masks: Vec<Option<Mask>> = marks.iter().map(|mark| mask(mark, font)).collect();
-        for (mark, mask) in marks.iter().zip(&masks) {
-            if let (Some(mask), Mark::Text { em, .. }) = (mask, mark) {
-                let rim = mask.grown((RIM * em).max(1.0));
-                self.blend(&rim, color, |pixel, coverage| {
-                    // Only over what is there: a transparent picture stays so.
-                    let share = OPACITY * coverage;
-                    let [red, green, blue] = self.rim.map(|it| share * it * pixel[3]);
-                    let [r, g, b, alpha] = *pixel;
-                    [red + (1.0 - share) * r, green + (1.0 - share) * g, blue + (1.0 - share) * b, alpha]
-                });
+    /// The marks of a block whose corner is at a pixel of the picture.
+    pub(super) fn marks(&self, block: &Block, corner: [f32; 2], font: &Font) -> Vec<Drawn> {
+        let drawn = |mark: &Mark| {
+            let mark = mark.clone().moved(corner);
+            let covered = mask(&mark, font);
+            match (&mark, covered) {
+                (Mark::Text { em, .. }, Some(covered)) => {
+                    let rim = Some(covered.grown((RIM * em).max(1.0)));
+                    let mask = Some(covered.weighted(self.weight()));
+                    Drawn { mark, mask, rim }
+                }
+                (_, mask) => Drawn { mark, mask, rim: None },
             }
+        };
+        block.marks.iter().map(drawn).collect()
+    }
+
+    /// Draws the marks of a block.
+    pub(super) fn draw(&self, marks: &[Drawn], color: &mut [[f32; 4]]) {
+        for rim in marks.iter().filter_map(|mark| mark.rim.as_ref()) {
+            self.blend(rim, color, |pixel, coverage| {
+                // Only over what is there: a transparent picture stays so.
+                let share = OPACITY * coverage;
+                let [red, green, blue] = self.rim.map(|it| share * it * pixel[3]);
+                let [r, g, b, alpha] = *pixel;
+                [red + (1.0 - share) * r, green + (1.0 - share) * g, blue + (1.0 - share) * b, alpha]
+            });
         }
-        for (mark, mask) in marks.iter().zip(&masks) {
+        for Drawn { mark, mask, .. } in marks {
             match (mark, mask) {
                 (Mark::Colors { corner, size, colors, direction }, _) => {
                     self.colors((*corner, *size), colors, *direction, color);
                 }
                 (Mark::Area { ink: Ink::Color(own), .. }, Some(mask)) => self.fill(mask, linear(*own), color),
-                (Mark::Area { .. }, Some(mask)) => self.fill(mask, linear(self.text), color),
-                (Mark::Text { .. }, Some(mask)) => {
-                    self.fill(&mask.weighted(self.weight()), linear(self.text), color)
+                (Mark::Area { .. } | Mark::Text { .. }, Some(mask)) => {
+                    self.fill(mask, linear(self.text), color)
                 }
                 (_, None) => {}
             }
@@ -78,7 +101,7 @@ impl Canvas {
         });
     }
 
-    /// Lays the color of texts over pixels, but for those that `is_hidden`, which gets the middle of a pixel.
+    /// Lays the color of texts over pixels of the picture, but for those that `is_hidden`, which gets the middle of a pixel.
     pub(super) fn fill_behind(
         &self,
         mask: &Mask,
@@ -87,10 +110,11 @@ impl Canvas {
     ) {
         let [width, height] = self.size.map(i64::from);
         let [x, y] = mask.corner;
+        let first_row = i64::from(self.first_row);
         let mut kept = Mask { coverage: mask.coverage.clone(), ..*mask };
         for (place, coverage) in kept.coverage.iter_mut().enumerate() {
             let at = [x + (place % mask.width) as i64, y + (place / mask.width) as i64];
-            let is_inside = (0..width).contains(&at[0]) && (0..height).contains(&at[1]);
+            let is_inside = (0..width).contains(&at[0]) && (first_row..first_row + height).contains(&at[1]);
             if *coverage > 0.0 && is_inside && is_hidden(at[0] as f32 + 0.5, at[1] as f32 + 0.5) {
                 *coverage = 0.0;
             }
@@ -98,11 +122,11 @@ impl Canvas {
         self.fill(&kept, linear(self.text), color);
     }
 
-    /// Replaces the pixels that a mask covers and the picture has.
+    /// Replaces the pixels that a mask covers and the canvas has.
     fn blend(&self, mask: &Mask, color: &mut [[f32; 4]], mixed: impl Fn(&[f32; 4], f32) -> [f32; 4]) {
         let [width, height] = self.size.map(i64::from);
         for (row, coverage) in mask.coverage.chunks_exact(mask.width.max(1)).enumerate() {
-            let y = mask.corner[1] + row as i64;
+            let y = mask.corner[1] + row as i64 - i64::from(self.first_row);
             if !(0..height).contains(&y) {
                 continue;
             }
@@ -125,6 +149,7 @@ impl Canvas {
     ) {
         let [width, height] = self.size.map(i64::from);
         let [left, top] = corner.map(|it| it.round() as i64);
+        let top = top - i64::from(self.first_row);
         let [across, down] = size.map(|it| it.round() as i64);
         for y in (0..down).filter(|y| (0..height).contains(&(top + y))) {
             for x in (0..across).filter(|x| (0..width).contains(&(left + x))) {

@@ -7,6 +7,7 @@ use tyndall::scene::short;
 use tyndall::scene::units::{meters, ratio};
 use tyndall::{Error, Result};
 
+use super::Frame;
 use super::font::Font;
 use super::mark::{Align, Block, Ink, Mark, rectangle};
 
@@ -55,16 +56,11 @@ pub struct ScaleBar {
 const SHARE: f64 = 0.2;
 
 impl ScaleBar {
-    /// Of what a camera sees in a picture of that size, where lengths are in `unit`; without a length it is round and about a fifth of
+    /// Of what a camera sees in a picture, where lengths are in `unit`; without a length it is round and about a fifth of
     /// the picture. Orthographic it is true everywhere, in perspective at the distance of what the camera looks at.
     ///
     /// Fails with [`Error::Setting`] if the length's unit is none of the data's kind, or the bar does not fit the picture.
-    pub fn new(
-        camera: &Camera,
-        [width, height]: [u32; 2],
-        wanted: Option<&Length>,
-        unit: Option<&str>,
-    ) -> Result<Self> {
+    pub fn new(camera: &Camera, frame: &Frame, wanted: Option<&Length>, unit: Option<&str>) -> Result<Self> {
         let (seen, where_true) = match camera.projection {
             Projection::Orthographic { height } => (height, ""),
             Projection::Perspective { vertical_angle } => {
@@ -82,7 +78,8 @@ impl ScaleBar {
                 ));
             }
         };
-        let pixels_per_unit = f64::from(height) / seen;
+        let pixels_per_unit = f64::from(frame.seen[1]) / seen;
+        let width = frame.part.width;
         let (length, pixels) = match wanted {
             None => {
                 let length = round(SHARE * f64::from(width) / pixels_per_unit, unit);
@@ -185,7 +182,8 @@ mod tests {
         let parallel = camera(Projection::Orthographic { height: 50.0 });
         let bar = |wanted: Option<&str>, unit: Option<&str>| {
             let wanted: Option<Length> = wanted.map(|it| it.parse().unwrap());
-            ScaleBar::new(&parallel, [800, 400], wanted.as_ref(), unit).map(|it| (it.label, it.pixels))
+            ScaleBar::new(&parallel, &Frame::whole([800, 400]), wanted.as_ref(), unit)
+                .map(|it| (it.label, it.pixels))
         };
         // 8 pixels a unit: a fifth of the width is 20 units.
         assert_eq!(bar(None, None).unwrap(), ("20".into(), 160.0));
@@ -199,14 +197,15 @@ mod tests {
             assert!(bar(Some(wanted), unit).is_err(), "{wanted} {unit:?}");
         }
         let wide = camera(Projection::Orthographic { height: 50_000.0 });
-        let bar = ScaleBar::new(&wide, [800, 400], None, Some("ckpc/h")).unwrap();
+        let bar = ScaleBar::new(&wide, &Frame::whole([800, 400]), None, Some("ckpc/h")).unwrap();
         assert_eq!((bar.label.as_str(), (bar.pixels - 160.0).abs() < 1e-9), ("20 cMpc/h", true));
     }
 
     #[test]
     fn in_perspective_a_bar_is_true_where_the_camera_looks() {
         let camera = camera(Projection::Perspective { vertical_angle: 0.6 });
-        let bar = ScaleBar::new(&camera, [800, 400], Some(&"10".parse().unwrap()), None).unwrap();
+        let bar =
+            ScaleBar::new(&camera, &Frame::whole([800, 400]), Some(&"10".parse().unwrap()), None).unwrap();
         // Two points 10 apart there, seen by the camera's own rays.
         let view = camera.view(DVec3::ZERO, 800, 400).unwrap();
         let at = |x: f32| view.eye + view.ray(x, 200.0).direction * (100.0 / view.ray(x, 200.0).direction.x);

@@ -64,7 +64,7 @@ fn a_bar_has_the_colors_of_the_particles_and_they_rise() {
     let image = picture(SIZE, |_, _| false);
     let annotations = Annotations { style: Style::default(), items: vec![bar()] };
     let mut color = image.color.clone();
-    annotations.draw(&annotations.arrange(&image, WHITE), SIZE, WHITE, &mut color);
+    annotations.lay_out(&annotations.arrange(SIZE, &image, WHITE), SIZE, WHITE).draw(0, &mut color);
     let is_of_bar = |color: &[u8; 3]| color[2] == 7 && color[0] == 255 - color[1];
     let bytes: Vec<[u8; 3]> = color
         .iter()
@@ -89,7 +89,8 @@ fn places_are_where_no_data_is() {
     let place = |is_data: &dyn Fn(u32, u32) -> bool, item: Item| {
         let image = picture(SIZE, is_data);
         let annotations = Annotations { style: Style::default(), items: vec![item] };
-        let [left, top, right, bottom] = edges(&annotations, &annotations.arrange(&image, WHITE), SIZE)[0];
+        let [left, top, right, bottom] =
+            edges(&annotations, &annotations.arrange(SIZE, &image, WHITE), SIZE)[0];
         [0.5 * (left + right), 0.5 * (top + bottom)]
     };
     let (width, height) = (SIZE[0] as f32, SIZE[1] as f32);
@@ -106,6 +107,28 @@ fn places_are_where_no_data_is() {
 }
 
 #[test]
+fn bands_of_rows_are_the_rows_of_the_picture() {
+    let annotations = all();
+    let image = picture(SIZE, |x, y| x > 100 && y > 90);
+    // Places by a picture of a quarter of the size.
+    let small = picture([100, 75], |x, y| x > 25 && y > 22);
+    let arrangement = annotations.arrange(SIZE, &small, WHITE);
+    assert_eq!(arrangement, annotations.arrange(SIZE, &image, WHITE));
+    let layout = annotations.lay_out(&arrangement, SIZE, WHITE);
+    let mut whole = image.color.clone();
+    layout.draw(0, &mut whole);
+    let mut bands = image.color.clone();
+    let mut first = 0;
+    for rows in [1, 7, 60, 31, 200, 1] {
+        let start = (SIZE[0] * first) as usize;
+        layout.draw(first, &mut bands[start..start + (SIZE[0] * rows) as usize]);
+        first += rows;
+    }
+    assert_eq!(first, SIZE[1]);
+    assert!(bands == whole && whole != image.color);
+}
+
+#[test]
 fn items_do_not_overlap_and_stay_inside_at_any_size() {
     for size in [[160, 120], [480, 270], [400, 800], [1280, 720]] {
         let mut annotations = all();
@@ -114,7 +137,7 @@ fn items_do_not_overlap_and_stay_inside_at_any_size() {
             let image = picture([size[0], size[1]], |x, y| {
                 x.abs_diff(size[0] / 2) + y.abs_diff(size[1] / 2) < size[1] / 3
             });
-            let found = edges(&annotations, &annotations.arrange(&image, WHITE), size);
+            let found = edges(&annotations, &annotations.arrange(size, &image, WHITE), size);
             for (place, a) in found.iter().enumerate() {
                 assert!(
                     a[0] >= 0.0 && a[1] >= 0.0 && a[2] <= size[0] as f32 && a[3] <= size[1] as f32,
@@ -148,7 +171,7 @@ fn texts_stand_out_from_data_and_change_nothing_elsewhere() {
     let draw = |behind: Behind, start: [f32; 4]| {
         let image = picture(SIZE, |_, _| false);
         let mut color = vec![start; image.color.len()];
-        title.draw(&title.arrange(&image, behind), SIZE, behind, &mut color);
+        title.lay_out(&title.arrange(SIZE, &image, behind), SIZE, behind).draw(0, &mut color);
         color
     };
     // On what is behind the data there is the text and nothing else.
@@ -260,10 +283,13 @@ fn a_run_of_colors_is_read_at_the_middle_of_each_pixel() {
         size,
         marks: vec![Mark::Colors { corner: [0.0; 2], size, colors: colors.clone(), direction }],
     };
-    let canvas = raster::Canvas { size: [4, 4], text: [0; 3], rim: [0.0; 3] };
+    let canvas = raster::Canvas { size: [4, 4], first_row: 0, text: [0; 3], rim: [0.0; 3] };
     let mut pixels = vec![[0.0; 4]; 16];
-    canvas.draw(&block(Direction::Right, [4.0, 1.0]), [0.0; 2], &Font::embedded(), &mut pixels);
-    canvas.draw(&block(Direction::Up, [1.0, 2.0]), [0.0, 2.0], &Font::embedded(), &mut pixels);
+    let mut draw = |block: &Block, corner| {
+        canvas.draw(&canvas.marks(block, corner, &Font::embedded()), &mut pixels);
+    };
+    draw(&block(Direction::Right, [4.0, 1.0]), [0.0; 2]);
+    draw(&block(Direction::Up, [1.0, 2.0]), [0.0, 2.0]);
     let wanted = [0, 10, 20, 30].map(|byte| linear([byte; 3])[0]);
     assert_eq!(pixels[..4].iter().map(|it| it[0]).collect::<Vec<_>>(), wanted);
     assert_eq!([pixels[12][0], pixels[8][0]], [wanted[1], wanted[3]]);
