@@ -91,12 +91,12 @@ pub(crate) struct Goal {
 impl Goal {
     /// Whether samples are added as they are needed.
     pub(crate) fn is_given(&self) -> bool {
-        self.name().is_some()
+        self.noise.is_some() || self.time.is_some()
     }
 
-    /// The option that asks for it.
-    pub(crate) fn name(&self) -> Option<&'static str> {
-        self.noise.map(|_| "--noise").or(self.time.map(|_| "--time"))
+    /// That of a share of the picture, from 0 to 1.
+    pub(crate) fn of_share(self, share: f64) -> Self {
+        Self { time: self.time.map(|time| time.mul_f64(share)), ..self }
     }
 }
 
@@ -108,6 +108,16 @@ fn on_processor(
     report: &Report,
 ) -> Result<Image> {
     let mut renderer = Renderer::new(scene, camera, settings)?;
+    complete(&mut renderer, goal, report)?;
+    culling::tell(&settings.culling, &renderer.counts(), report);
+    if let Some(found) = renderer.confidence().filter(|_| report.is_verbose()) {
+        culling::tell_confidence(&found, report);
+    }
+    Ok(renderer.image())
+}
+
+/// Takes the samples of a picture: all of them, or as many as the goal needs, which is said.
+pub(crate) fn complete(renderer: &mut Renderer, goal: Goal, report: &Report) -> Result<()> {
     if goal.is_given() {
         let start = Instant::now();
         let mut is_late = || goal.time.is_some_and(|time| start.elapsed() >= time);
@@ -119,11 +129,7 @@ fn on_processor(
     } else {
         renderer.finish(report.progress())?;
     }
-    culling::tell(&settings.culling, &renderer.counts(), report);
-    if let Some(found) = renderer.confidence().filter(|_| report.is_verbose()) {
-        culling::tell_confidence(&found, report);
-    }
-    Ok(renderer.image())
+    Ok(())
 }
 
 /// With the feature `gpu`.

@@ -182,11 +182,6 @@ impl<'a> Job<'a> {
             return Err(Error::setting("--certified", "coverage", allowed).into());
         }
         let of_picture = shot::beyond_cards(args);
-        let part = of_picture.filter(|_| !args.camera.panorama || args.picture.stereo.is_some());
-        if let Some((name, other)) = goal.name().zip(part) {
-            let text = format!("{name} is not for {other} — leave out one of them");
-            return Err(Failure::Usage(text));
-        }
         if let Some(name) = shape.filter(|_| args.camera.panorama) {
             return Err(Failure::Usage(format!("--panorama draws spheres alone — leave out {name}")));
         }
@@ -276,8 +271,7 @@ impl<'a> Job<'a> {
 
     /// Rows that are made at one time of a picture, if it is made in bands.
     fn band_rows(&self, path: &Path) -> Option<u32> {
-        let rows = shot::band_rows(&self.args.picture, path, self.args.method.memory);
-        rows.filter(|_| !self.goal.is_given())
+        shot::band_rows(&self.args.picture, path, self.args.method.memory)
     }
 
     /// The same work, of which so many pixels are in memory as will be.
@@ -600,6 +594,7 @@ impl<'a> Job<'a> {
                 layers: self.layers,
                 numbers: &numbers,
                 settings: &self.settings,
+                goal: self.goal,
                 illustration: self.illustration,
                 report: self.report,
                 whole: &whole,

@@ -15,6 +15,7 @@ use tyndall_io::write;
 
 use crate::annotate::Seen;
 use crate::args::{self, Stereo};
+use crate::device::{self, Goal};
 use crate::layers::{Channels, Layer, Named, Numbers};
 use crate::report::{Outcome, Report};
 
@@ -102,6 +103,7 @@ pub(crate) struct Shot<'a> {
     pub(crate) layers: &'a [Named],
     pub(crate) numbers: &'a [Numbers],
     pub(crate) settings: &'a Settings,
+    pub(crate) goal: Goal,
     pub(crate) illustration: Illustration,
     pub(crate) report: &'a Report,
     /// Makes a whole picture, on the device that was chosen.
@@ -113,15 +115,17 @@ impl Shot<'_> {
     pub(crate) fn take(&self, scene: &mut Scene, camera: &Camera) -> Outcome<Taken> {
         let Settings { width, height, .. } = *self.settings;
         let Some(stereo) = self.picture.stereo else {
-            let (image, channels) = self.with_layers(scene, camera, self.settings, self.picture.crop)?;
+            let (image, channels) =
+                self.with_layers((scene, camera), (self.settings, self.goal), self.picture.crop)?;
             let frame = self.picture.frame();
             return Ok(Taken::one(Seen { image, channels, camera: *camera, frame }));
         };
         let eyes = Eyes::new(camera, self.picture.eye_separation.map(f64::from), [width, height])?;
         let settings = Settings { width: eyes.width, ..*self.settings };
+        let goal = self.goal.of_share(0.5);
         let mut of_eye = |eye: usize| -> Outcome<Seen> {
             let (camera, part) = (eyes.cameras[eye], eyes.windows[eye]);
-            let (image, channels) = self.with_layers(scene, &camera, &settings, Some(part))?;
+            let (image, channels) = self.with_layers((scene, &camera), (&settings, goal), Some(part))?;
             let frame = Frame { seen: [eyes.width, height], part };
             Ok(Seen { image, channels, camera, frame })
         };
@@ -141,14 +145,13 @@ impl Shot<'_> {
 
     fn with_layers(
         &self,
-        scene: &mut Scene,
-        camera: &Camera,
-        settings: &Settings,
+        (scene, camera): (&mut Scene, &Camera),
+        (settings, goal): (&Settings, Goal),
         window: Option<Window>,
     ) -> Outcome<(Image, Channels)> {
         let (mut image, surfaces) = match window {
             None if !self.picture.wants_surfaces() => ((self.whole)(scene, camera)?, Vec::new()),
-            _ => self.part(scene, camera, settings, window)?,
+            _ => self.part((scene, camera), (settings, goal), window)?,
         };
         self.illustrate((scene, camera), settings, window, &mut image)?;
         let mut channels: Channels = self.numbers.iter().map(|it| it.channel(&image.id)).collect();
@@ -161,7 +164,7 @@ impl Shot<'_> {
                 let own = (std::mem::replace(&mut scene.lighting, light), scene.background.take());
                 let lit = match window {
                     None => (self.whole)(scene, camera),
-                    Some(_) => self.part(scene, camera, settings, window).map(|(image, _)| image),
+                    Some(_) => self.part((scene, camera), (settings, goal), window).map(|(image, _)| image),
                 };
                 (scene.lighting, scene.background) = own;
                 channels.extend(layer.of_colors(&lit?));
@@ -186,14 +189,13 @@ impl Shot<'_> {
     /// A part of a picture, or all of it, with its surfaces.
     fn part(
         &self,
-        scene: &Scene,
-        camera: &Camera,
-        settings: &Settings,
+        (scene, camera): (&Scene, &Camera),
+        (settings, goal): (&Settings, Goal),
         window: Option<Window>,
     ) -> Result<(Image, Vec<Surface>)> {
         let window = window.unwrap_or(Window::whole(settings.width, settings.height));
         let mut renderer = Renderer::of_window(scene, camera, settings, window)?;
-        renderer.finish(self.report.progress())?;
+        device::complete(&mut renderer, goal, self.report)?;
         let surfaces = if self.picture.wants_surfaces() { renderer.surfaces() } else { Vec::new() };
         Ok((renderer.image(), surfaces))
     }
@@ -202,7 +204,8 @@ impl Shot<'_> {
     pub(crate) fn band(&self, scene: &Scene, camera: &Camera, first: u32, rows: u32) -> Result<Image> {
         let Settings { width, height, .. } = *self.settings;
         let window = Window { x: 0, y: first, width, height: rows.min(height - first) };
-        let (mut image, _) = self.part(scene, camera, self.settings, Some(window))?;
+        let goal = self.goal.of_share(f64::from(window.height) / f64::from(height));
+        let (mut image, _) = self.part((scene, camera), (self.settings, goal), Some(window))?;
         self.illustrate((scene, camera), self.settings, Some(window), &mut image)?;
         Ok(image)
     }

@@ -69,6 +69,13 @@ fn samples_are_added_until_the_noise_or_the_time_is_reached() {
     let noise: f32 = line.split_whitespace().nth(1).unwrap().parse().unwrap();
     assert!(noise > 0.0 && noise <= 4.0, "{said}");
     assert!(folder.render("a.xyz -o a.png --noise 0.001%").fine().contains("4 to 4 samples"));
+    // Of a part, of each eye, and of each band.
+    for (words, pictures) in [("--crop 3,4,40,20", 1), ("--stereo anaglyph", 2), ("--memory 300k", 4)] {
+        let said = folder
+            .line(&format!("render --size 48x128 a.xyz -o b.png --look matte --noise 4% {words}"))
+            .fine();
+        assert_eq!(said.matches("noise ").count(), pictures, "{words}: {said}");
+    }
     assert!(
         folder.line("render --size 8x8 a.xyz -o a.png --time 0.000001s").fine().contains("16 to 16 samples")
     );
