@@ -182,9 +182,6 @@ impl<'a> Job<'a> {
             return Err(Error::setting("--certified", "coverage", allowed).into());
         }
         let of_picture = shot::beyond_cards(args);
-        if let Some(name) = shape.filter(|_| args.camera.panorama) {
-            return Err(Failure::Usage(format!("--panorama draws spheres alone — leave out {name}")));
-        }
         if images.is_some() && !args.layers.sources.is_empty() {
             return Err(Failure::Usage(
                 "--replicate is not for several layers — leave out one of them".into(),
@@ -641,7 +638,6 @@ impl<'a> Job<'a> {
     fn ellipsoids(&self, spheres: Spheres, is_first: bool) -> Outcome<Option<Ellipsoids>> {
         let found = self.args.shapes.ellipsoids(spheres)?;
         let with = [
-            (self.args.camera.panorama, "--panorama"),
             (matches!(self.settings.culling, Culling::Confidence(_)), "--culling confidence"),
             (matches!(self.args.method.device, device::Choice::Gpu(_)), "--device gpu"),
         ];

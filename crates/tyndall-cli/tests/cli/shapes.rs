@@ -113,8 +113,8 @@ fn particles_that_the_file_has_as_ellipsoids_are_ellipsoids() {
     assert!(said.contains("2 superquadrics by half axes shapex shapey shapez quat1 blockiness1"), "{said}");
     let seen_b = [[-2, 1], [-4, -1], [4, 1], [4, 0]].map(|at| color(&folder, "b.png", at));
     assert_eq!(seen_b, [red, red, none, red]);
-    let said = folder.render("a.dump -o p.png --panorama").fine();
-    assert!(said.contains("note: the file has ellipsoids, which are spheres with --panorama"), "{said}");
+    let said = folder.render("a.dump -o p.png --culling confidence --look flat").fine();
+    assert!(said.contains("note: the file has ellipsoids, which are spheres with --culling"), "{said}");
 }
 
 #[test]
@@ -208,7 +208,6 @@ fn shapes_that_cannot_be_are_refused() {
         ("--mesh a.obj --mesh-color redd", 2, vec!["did you mean 'red'"]),
         ("--mesh a.obj --culling confidence", 2, vec!["--culling", "off or certified with --mesh"]),
         ("--mesh a.obj --device gpu", 2, vec!["--device cannot be 'gpu'", "auto or cpu with --mesh"]),
-        ("--mesh a.obj --panorama", 2, vec!["--panorama draws spheres alone — leave out --mesh"]),
         ("--mesh a.obj --mode medium", 2, vec!["--mesh is for spheres"]),
         ("--mesh a.obj --mode project", 2, vec!["--mesh is for spheres"]),
         ("--mesh-color red", 2, vec!["--mesh"]),
@@ -217,7 +216,6 @@ fn shapes_that_cannot_be_are_refused() {
         ("--arrows-only", 2, vec!["--arrows"]),
         ("--ellipsoids axes", 2, vec!["--ellipsoids cannot be 'axes'", "3 numbers a particle"]),
         ("--ellipsoids a,b,c,d", 2, vec!["covariance:NAME, HALF_AXES, HALF_AXES,QUATERNION or"]),
-        ("--ellipsoids a --panorama", 2, vec!["leave out --ellipsoids"]),
         ("--arrows v --mode medium", 2, vec!["--arrows is for spheres"]),
     ] {
         folder.render(&format!("a.dump -o a.png {words}")).fails(code, &parts);

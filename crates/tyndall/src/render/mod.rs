@@ -123,7 +123,7 @@ impl Settings {
         }
     }
 
-    /// Fails with [`Error::Setting`] if `scene` or the culling is not for a panorama, where `view` is one.
+    /// Fails with [`Error::Setting`] if light or culling are not for a panorama, where `view` is one.
     fn check_view(&self, scene: &Scene, view: &View) -> Result<()> {
         let refused = |name: &str, value: &str, allowed: &str| Err(Error::setting(name, value, allowed));
         match &self.culling {
@@ -132,7 +132,6 @@ impl Settings {
             Culling::Certified(options) if options.coverage => {
                 refused("certified", "coverage", "without coverage in a panorama")
             }
-            _ if scene.shapes().is_some() => refused("panorama", "shapes beside spheres", "spheres alone"),
             _ if matches!(scene.lighting, Lighting::Paths(Paths { lens: Some(_), .. })) => {
                 refused("--aperture", "given", "left out of a panorama, which has no lens")
             }

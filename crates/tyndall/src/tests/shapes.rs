@@ -90,7 +90,10 @@ fn pictures_show_what_single_rays_meet() {
         let images = [[1; 3], [2, 1, 2]][seed as usize % 2];
         let [(particles, _), _] = replicas::particles(30, images, &mut random);
         let segments = segments(&particles, 60, &mut random);
-        let camera = replicas::camera(&mut random);
+        let mut camera = replicas::camera(&mut random);
+        if seed % 4 > 1 {
+            camera.projection = Projection::Panorama;
+        }
         let settings = Settings { width: 37, height: 23, samples: 1, seed: 0, culling: Culling::Off };
         let view = camera.view(DVec3::ZERO, 37, 23).unwrap();
         for kind in [KINDS[0], KINDS[1], KINDS[2 + seed as usize % 10]] {

@@ -15,7 +15,8 @@ pub(super) fn find_block(pass: &Pass, block: usize, tile: &mut Tile, counts: &mu
     let structure = pass.scene.structure();
     for lane in 0..RAYS {
         let ray = tile.ray(&pass.view, block, lane);
-        if pass.scene.cut().is_some() {
+        let is_plain = pass.scene.cut().is_none() && pass.scene.shapes().is_none();
+        if !is_plain && asks_single_rays(pass) {
             if let Some(met) = pass.scene.meet(&ray) {
                 (tile.depth[block][lane], tile.node[block][lane]) = met;
             }
@@ -35,6 +36,11 @@ pub(super) fn find_block(pass: &Pass, block: usize, tile: &mut Tile, counts: &mu
             tile.node[block][lane] = hit.node;
         }
     }
+}
+
+/// Whether each ray of a picture is asked by itself: no plane holds a panorama, and no cap is in a box.
+pub(super) fn asks_single_rays(pass: &Pass) -> bool {
+    pass.view.panorama || pass.scene.cut().is_some()
 }
 
 /// What the ray meets first, looked for up to `clip` and then behind it.

@@ -468,8 +468,7 @@ fn find_hits<S: Simd>(
     if let Some((frame, pixels)) = culled {
         return confidence::trace(frame, pass, (corner, inside), pixels, (tile, &mut scratch.histogram));
     }
-    if pass.view.panorama || pass.scene.cut().is_some() {
-        // No plane holds a panorama, and no cap is in a box: each ray is asked by itself.
+    if clip::asks_single_rays(pass) {
         (0..BLOCKS).for_each(|block| clip::find_block(pass, block, tile, &mut scratch.counts));
         return tile.update_depths(simd);
     }
