@@ -321,6 +321,8 @@ mod card {
 /// Without the feature `gpu`.
 #[cfg(not(feature = "gpu"))]
 mod processor {
+    use std::marker::PhantomData;
+
     use tyndall::particles::{Particles, Radii};
     use tyndall::render::Settings;
     use tyndall::scene::Scene;
@@ -341,10 +343,10 @@ mod processor {
     pub(crate) struct Renders;
 
     /// Nothing: all is with the processor.
-    pub(crate) struct Held;
+    pub(crate) struct Held<'a>(PhantomData<&'a ()>);
 
-    impl Held {
-        pub(crate) const NONE: Self = Self;
+    impl Held<'_> {
+        pub(crate) const NONE: Self = Self(PhantomData);
 
         pub(crate) fn builder(&self) -> &'static str {
             ""
@@ -369,16 +371,16 @@ mod processor {
             radii: &Radii,
             radius_scale: f32,
             report: &Report,
-        ) -> Outcome<(Structure, Held)> {
+        ) -> Outcome<(Structure, Held<'_>)> {
             let structure = Structure::build(kind, particles, radii, radius_scale, report.progress())?;
-            Ok((structure, Held))
+            Ok((structure, Held::NONE))
         }
 
         pub(crate) fn name(&self) -> String {
             format!("cpu {} threads", rayon::current_num_threads())
         }
 
-        pub(crate) fn load(&self, _: &Scene, _: Held, _: &Report) -> Outcome<&Self> {
+        pub(crate) fn load(&self, _: &Scene, _: Held<'_>, _: &Report) -> Outcome<&Self> {
             Ok(self)
         }
 
