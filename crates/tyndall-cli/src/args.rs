@@ -109,7 +109,8 @@ pub(crate) struct Common {
 #[command(next_help_heading = "Reading")]
 pub(crate) struct Input {
     /// Files, as one sequence in this order; in quotes also patterns: 'run.*.dump', or 'spray.####.prt', %04d and $F4, whose numbers
-    /// are then those of --frame and --frames; or synthetic:NAME?n=COUNT. A file with names before files that have coordinates
+    /// are then those of --frame and --frames; 'dump.%' for the pieces of frames that LAMMPS wrote with several processors, also
+    /// 'dump.*.%'; or synthetic:NAME?n=COUNT. A file with names before files that have coordinates
     /// only (XTC, TRR, DCD, AMBER NetCDF) names their particles: topol.gro traj.xtc. To render also a scene file (.toml), which says what is not
     /// said here: see docs/scenes.md
     #[arg(required = true, value_name = "FILE", help_heading = None)]

@@ -1,13 +1,15 @@
 //! Files by patterns, and the numbers of their frames.
 //!
 //! A name that is no file may have a place for a number (`spray.####.prt`, `%04d`, `$F4`): it stands for all files with a number there, in
-//! its order, and frames are then called by these numbers. Or it may have `*`, `?` and `[...]`, which shells leave to us in quotes.
+//! its order, and frames are then called by these numbers. Or it may have `*`, `?` and `[...]`, which shells leave to us in quotes. A `%` for the
+//! pieces of a frame stays one: see [`tyndall_io::Sequence::open`].
 
 use std::cmp::Ordering;
 use std::io;
 use std::path::{Path, PathBuf};
 
 use tyndall::{Error, Result};
+use tyndall_io::sequence::is_in_pieces;
 
 use crate::args::Input;
 use crate::output::Pattern;
@@ -54,20 +56,44 @@ fn numbered(name: &Path, pattern: &Pattern) -> Outcome<Vec<(usize, PathBuf)>> {
     let entries = std::fs::read_dir(folder).map_err(|_| none_of(name))?;
     let of_entry = |entry: std::fs::DirEntry| {
         let path = name.with_file_name(entry.file_name());
-        Some((pattern.number(&path)?, path))
+        names_of(name, path).into_iter().find_map(|path| Some((pattern.number(&path)?, path)))
     };
     let mut found: Vec<(usize, PathBuf)> = entries.flatten().filter_map(of_entry).collect();
     found.sort_unstable();
+    found.dedup();
     if found.is_empty() { Err(none_of(name)) } else { Ok(found) }
+}
+
+/// The names that a file may have for a pattern: its own, or, where the pattern has a place for the number of a piece, those with such a
+/// place instead of one of its numbers.
+fn names_of(pattern: &Path, path: PathBuf) -> Vec<PathBuf> {
+    let Some(text) = path.to_str().filter(|_| is_in_pieces(pattern)) else { return vec![path] };
+    let is_digit = |at: usize| text.as_bytes().get(at).is_some_and(u8::is_ascii_digit);
+    let starts = (0..text.len()).filter(|&at| is_digit(at) && (at == 0 || !is_digit(at - 1)));
+    let ended = |start: usize| (start..).find(|&at| !is_digit(at)).map(|end| (start, end));
+    starts
+        .filter_map(ended)
+        .map(|(start, end)| format!("{}%{}", &text[..start], &text[end..]).into())
+        .collect()
 }
 
 /// The files that are like a pattern; numbers in their names count as numbers.
 fn globbed(name: &Path) -> Outcome<Vec<PathBuf>> {
     let wrong =
         |error: glob::PatternError| Failure::from(Error::setting("FILE", name.display(), error.to_string()));
-    let paths = glob::glob(&name.to_string_lossy()).map_err(wrong)?;
-    let mut found: Vec<PathBuf> = paths.flatten().filter(|path| path.is_file()).collect();
+    let text = name.to_string_lossy();
+    let pattern = glob::Pattern::new(&text).map_err(wrong)?;
+    let options = glob::MatchOptions { require_literal_separator: true, ..Default::default() };
+    let paths = match is_in_pieces(name) {
+        true => glob::glob(&text.replace('%', "*")),
+        false => glob::glob(&text),
+    };
+    let files = paths.map_err(wrong)?.flatten().filter(|path| path.is_file());
+    let is_alike = |path: &PathBuf| !is_in_pieces(name) || pattern.matches_path_with(path, options);
+    let mut found: Vec<PathBuf> =
+        files.filter_map(|path| names_of(name, path).into_iter().find(is_alike)).collect();
     found.sort_unstable_by(|a, b| natural(&a.to_string_lossy(), &b.to_string_lossy()));
+    found.dedup();
     if found.is_empty() { Err(none_of(name)) } else { Ok(found) }
 }
 

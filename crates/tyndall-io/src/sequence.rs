@@ -3,9 +3,10 @@
 //! Opening recognises each file and finds its frames: mapped text is scanned, compressed text is unpacked once and passed
 //! over, unless an earlier run has kept its index ([`Options::index_folder`]). Kept are offsets only, and the unpacked content of a single compressed file where that is small. Reading a frame
 //! maps the file anew; in a compressed file it goes on from where the last frame ended, or unpacks from the start again to
-//! go back, so that a long trajectory is never held as a whole.
+//! go back, so that a long trajectory is never held as a whole. Frames may also be spread over files (`pieces.rs`).
 
 mod file;
+mod pieces;
 
 use std::path::{Path, PathBuf};
 
@@ -17,7 +18,9 @@ use crate::parts::Parts;
 use crate::read::{Feature, Open, Packing};
 use crate::saved::Saved;
 use crate::topology::Topology;
-use file::{FileSource, file_bytes, file_name};
+use file::{Asked, FileSource, file_bytes, file_name};
+use pieces::Pieces;
+pub use pieces::has_place as is_in_pieces;
 
 /// What the caller knows better than the file.
 #[derive(Clone, Debug, Default)]
@@ -72,6 +75,8 @@ enum Source {
     Synthetic(String),
     /// A file.
     File(Box<FileSource>),
+    /// Files over which each frame is spread.
+    Pieces(Box<Pieces>),
 }
 
 impl Sequence {
@@ -80,20 +85,35 @@ impl Sequence {
     /// Where all files but the first have coordinates only (XTC, TRR, DCD, AMBER NetCDF), and the first has names, it is no frame: its
     /// attributes are given to the frames of the others, which must have as many particles.
     ///
+    /// A name that is no file, with a `%` that is not one of `%d` or `%04d`, stands for the pieces 0, 1, … of frames that LAMMPS wrote with
+    /// several processors (`dump.%.lammpstrj`): they are put together frame by frame. A piece that is missing between others, or is of another
+    /// step, or has other columns or another box, is an [`Error::Format`].
+    ///
     /// Stage "open" of `progress`, in bytes of the files as they are on disk: of compressed ones, which are unpacked to find
     /// their frames, those that were taken.
     pub fn open(paths: &[PathBuf], options: &Options, progress: &dyn Progress) -> Result<Self> {
         if paths.is_empty() {
             return Err(Error::setting("input", "", "give at least one file"));
         }
+        let named = |name: &PathBuf| match synthetic(name) {
+            Some(_) => Ok((name.clone(), None)),
+            None => Ok((name.clone(), pieces::files(name)?)),
+        };
+        let named: Vec<(PathBuf, Option<Vec<PathBuf>>)> = paths.iter().map(named).collect::<Result<_>>()?;
+        let paths: Vec<PathBuf> = named
+            .iter()
+            .flat_map(|(name, pieces)| pieces.clone().unwrap_or_else(|| vec![name.clone()]))
+            .collect();
         progress.begin("open", Some(paths.iter().map(|path| file_bytes(path)).sum()), "B");
         let keep = paths.len() == 1;
-        let open = |path: &PathBuf| match progress.cancelled() {
-            true => Err(Error::Interrupted),
-            false => Source::open(path, options, keep, progress),
+        let open = |(name, pieces): &(PathBuf, Option<Vec<PathBuf>>)| match pieces {
+            _ if progress.cancelled() => Err(Error::Interrupted),
+            Some(files) => Ok(Source::Pieces(Box::new(Pieces::open(name, files, options, progress)?))),
+            None => Source::open(name, options, keep, progress),
         };
-        let sources: Vec<Source> = paths.par_iter().map(open).collect::<Result<_>>()?;
+        let sources: Vec<Source> = named.par_iter().map(open).collect::<Result<_>>()?;
         let mut sources = without_repeated_snapshots(sources);
+        pieces::compare(&mut sources);
         if let Some(assembly) = &options.assembly
             && !sources.iter().any(|it| it.has(Feature::Assemblies))
         {
@@ -103,13 +123,13 @@ impl Sequence {
         }
         let mut format = sources[0].title();
         let mut topology = None;
-        if let [Source::File(names), others @ ..] = &sources[..]
-            && !names.format.has(Feature::CoordinatesOnly)
+        if let [names, others @ ..] = &sources[..]
+            && let Some(path) = names.path().filter(|_| !names.has(Feature::CoordinatesOnly))
             && !others.is_empty()
             && others.iter().all(|it| it.has(Feature::CoordinatesOnly))
         {
             let frame = names.frame(0, options, None, progress)?;
-            topology = Some(Topology::new(&names.path, &frame.particles)?);
+            topology = Some(Topology::new(path, &frame.particles)?);
             format = format!("{}, names from {format}", others[0].title());
             sources.remove(0);
         }
@@ -120,7 +140,7 @@ impl Sequence {
             frame_count += source.frame_count();
         }
         let options = options.clone();
-        Ok(Self { paths: paths.to_vec(), sources, first, frame_count, options, format, topology })
+        Ok(Self { paths, sources, first, frame_count, options, format, topology })
     }
 
     /// How many frames there are.
@@ -145,6 +165,7 @@ impl Sequence {
         let name = match &self.sources[source] {
             Source::Synthetic(spec) => return spec.clone(),
             Source::File(file) => file_name(&file.path),
+            Source::Pieces(pieces) => file_name(&pieces.name),
         };
         if self.sources[source].frame_count() > 1 { format!("{name}[{within}]") } else { name }
     }
@@ -155,10 +176,8 @@ impl Sequence {
             return Err(Error::setting("frame", frame, format!("0 to {}", self.frame_count - 1)));
         }
         let (source, within) = self.place(frame);
-        let mut frame = match &self.sources[source] {
-            Source::Synthetic(spec) => synthetic_frame(spec, progress)?,
-            Source::File(file) => file.frame(within, &self.options, self.topology.as_ref(), progress)?,
-        };
+        let mut frame =
+            self.sources[source].frame(within, &self.options, self.topology.as_ref(), progress)?;
         frame.warnings.extend(dropped(&frame.particles));
         Ok(frame)
     }
@@ -171,7 +190,7 @@ impl Sequence {
             Source::File(file) if file.format.has(Feature::Parts) && file.packing == Packing::Plain => {
                 Parts::of_npy(&file.path)
             }
-            Source::File(_) => Ok(None),
+            Source::File(_) | Source::Pieces(_) => Ok(None),
         }
     }
 
@@ -246,7 +265,7 @@ fn grouped(count: u64) -> String {
 impl Source {
     /// Opens a file; `keep` says whether its content may be kept unpacked.
     fn open(path: &Path, options: &Options, keep: bool, progress: &dyn Progress) -> Result<Self> {
-        match path.to_str().and_then(|path| path.strip_prefix("synthetic:")) {
+        match synthetic(path) {
             Some(spec) => Ok(Self::Synthetic(spec.to_string())),
             None => Ok(Self::File(Box::new(FileSource::open(path, options, keep, progress)?))),
         }
@@ -256,24 +275,61 @@ impl Source {
         match self {
             Self::Synthetic(_) => 1,
             Self::File(file) => file.index.frames.len(),
+            Self::Pieces(pieces) => pieces.frame_count,
         }
     }
 
     fn has(&self, feature: Feature) -> bool {
-        matches!(self, Self::File(file) if file.format.has(feature))
+        self.file().is_some_and(|file| file.format.has(feature))
+    }
+
+    /// The file, or the first one of pieces.
+    fn file(&self) -> Option<&FileSource> {
+        match self {
+            Self::Synthetic(_) => None,
+            Self::File(file) => Some(file),
+            Self::Pieces(pieces) => pieces.files.first(),
+        }
+    }
+
+    /// Its name, if it is no generator.
+    fn path(&self) -> Option<&Path> {
+        match self {
+            Self::Synthetic(_) => None,
+            Self::File(file) => Some(&file.path),
+            Self::Pieces(pieces) => Some(&pieces.name),
+        }
+    }
+
+    fn frame(
+        &self,
+        frame: usize,
+        options: &Options,
+        topology: Option<&Topology>,
+        progress: &dyn Progress,
+    ) -> Result<Frame> {
+        match self {
+            Self::Synthetic(spec) => synthetic_frame(spec, progress),
+            Self::File(file) => file.frame(frame, Asked { options, topology, others: &() }, progress),
+            Self::Pieces(pieces) => pieces.frame(frame, options, topology, progress),
+        }
     }
 
     fn title(&self) -> String {
-        match self {
-            Self::Synthetic(_) => "synthetic".to_string(),
-            Self::File(file) => {
-                let text = matches!(file.format.open, Open::Text { .. }).then_some("text");
-                let notes: Vec<&str> = text.into_iter().chain(file.packing.name()).collect();
-                let title = file.index.title.as_deref().unwrap_or(file.format.title);
-                if notes.is_empty() { title.to_string() } else { format!("{title} ({})", notes.join(", ")) }
-            }
+        let Some(file) = self.file() else { return "synthetic".to_string() };
+        let text = matches!(file.format.open, Open::Text { .. }).then_some("text");
+        let notes: Vec<&str> = text.into_iter().chain(file.packing.name()).collect();
+        let mut title = file.index.title.as_deref().unwrap_or(file.format.title).to_string();
+        if let Self::Pieces(pieces) = self {
+            title += &format!(", {} pieces", pieces.files.len());
         }
+        if notes.is_empty() { title } else { format!("{title} ({})", notes.join(", ")) }
     }
+}
+
+/// The specification of a procedural source, if that is what is named.
+fn synthetic(name: &Path) -> Option<&str> {
+    name.to_str()?.strip_prefix("synthetic:")
 }
 
 #[cfg(test)]

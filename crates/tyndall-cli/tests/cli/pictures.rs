@@ -1,6 +1,6 @@
 //! Pictures: their names, pixels, and what is written beside them.
 
-use super::{Folder, line_of, png};
+use super::{Folder, dump, line_of, png};
 
 #[test]
 fn a_picture_is_made_and_every_guess_is_said_once() {
@@ -383,6 +383,44 @@ fn files_are_named_by_patterns() {
         .fails(2, &["no file has this number; they are from 8 to 101"]);
     run(&["ran.####.xyz", "-o", "a.png"]).fails(3, &["ran.####.xyz", "no file has such a name"]);
     run(&["ran.*", "-o", "a.png"]).fails(3, &["no file has such a name"]);
+}
+
+#[test]
+fn frames_in_pieces_are_put_together() {
+    let folder = Folder::new();
+    let rows: Vec<String> = (0..9).map(|id| format!("{id} {}.5 {} 0.25", id % 4, id % 3)).collect();
+    let rows: Vec<&str> = rows.iter().map(String::as_str).collect();
+    let at = |step: usize, rows: &[&str]| {
+        dump("id x y z", 8.0, rows).replace("TIMESTEP\n100\n", &format!("TIMESTEP\n{step}\n"))
+    };
+    for step in [5, 10, 200] {
+        for (place, rows) in [&rows[..4], &rows[4..]].into_iter().enumerate() {
+            folder.file(&format!("run.{step}.{place}.dump"), at(step, rows));
+        }
+        folder.file(&format!("whole.{step}.dump"), at(step, &rows));
+    }
+    let told = folder.run(&["info", "run.5.%.dump"]).out;
+    assert!(told.contains("LAMMPS dump, 2 pieces (text) · 1 frame in 2 files · 9 particles"), "{told}");
+    let told = folder.run(&["info", "run.*.%.dump", "--frame", "2"]).out;
+    assert!(told.contains("3 frames in 6 files") && told.contains("time 200 (step)"), "{told}");
+    // Numbers of steps stay those of frames.
+    folder.run(&["convert", "run.$F.%.dump", "-o", "a.%d.xyz", "--frames", "10:"]).fine();
+    for step in [10, 200] {
+        folder.run(&["convert", &format!("whole.{step}.dump"), "-o", &format!("b.{step}.xyz")]).fine();
+        let text = |name: &str| std::fs::read_to_string(folder.path(&format!("{name}.{step}.xyz"))).unwrap();
+        assert_eq!(text("a"), text("b"));
+    }
+    for (from, to) in [("run.5.%.dump", "a.png"), ("whole.5.dump", "b.png")] {
+        folder.run(&["render", from, "-o", to, "--size", "24x16", "--samples", "1", "--look", "flat"]).fine();
+    }
+    assert!(png(&folder.path("a.png")).0 == png(&folder.path("b.png")).0);
+    assert!(folder.run(&["build", "run.5.%.dump", "-o", "a.tyn"]).fine().contains("9 particles"));
+    folder
+        .run(&["convert", "run.5.%.dump", "-o", "run.5.1.dump"])
+        .fails(2, &["another file: this one is being read"]);
+    std::fs::remove_file(folder.path("run.10.0.dump")).unwrap();
+    folder.run(&["info", "run.*.%.dump"]).fails(3, &["run.10.0.dump", "this piece is missing"]);
+    folder.run(&["info", "ran.%"]).fails(3, &["ran.%", "no file has such a name"]);
 }
 
 #[test]

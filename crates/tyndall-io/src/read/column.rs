@@ -224,6 +224,18 @@ impl Column {
         }
     }
 
+    /// Makes room for `count` more values.
+    pub(crate) fn reserve(&mut self, count: usize) {
+        match self {
+            Self::Int(column) => column.reserve(count),
+            Self::Long(column) => column.reserve(count),
+            Self::Float(column) => column.reserve(count),
+            Self::Double(column) => column.reserve(count),
+            Self::Truth(column) => column.reserve(count),
+            Self::Text(words) => words.codes.reserve(count),
+        }
+    }
+
     /// Appends the field at the front of `rest`; says how many bytes it takes, `None` if it does not fit the column.
     #[inline(always)]
     pub(crate) fn push<'a>(&mut self, rest: impl Into<Rest<'a>>, separator: Separator) -> Option<usize> {

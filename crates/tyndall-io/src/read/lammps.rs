@@ -1,14 +1,17 @@
 //! LAMMPS text dumps: `ITEM:` headers and a row for every atom, frame after frame.
 //!
 //! Coordinates are the first complete set of `x y z`, `xu yu zu`, `xs ys zs`, `xsu ysu zsu`; scaled ones go through the cell.
-//! All other columns are attributes under their own names. Image flags are not applied, ids are not sorted.
+//! All other columns are attributes under their own names. Image flags are not applied, ids are not sorted. Pieces of a frame that several
+//! processors wrote follow each other in the order of their files, as they would in one.
 //! Source: LAMMPS documentation of `dump`, and "Triclinic (non-orthogonal) simulation boxes" for the cell.
+
+use std::path::{Path, PathBuf};
 
 use tyndall::{Cell, Columns, DVec3, Error, Particles, Progress, Result};
 
 use super::column::{Kind, Separator};
 use super::feed::Feed;
-use super::rows::{self, Heading, Layout, Role};
+use super::rows::{self, Expected, Heading, Layout, Role};
 use super::{Index, Request, Span, finish};
 use crate::sequence::Frame;
 
@@ -181,28 +184,105 @@ pub(crate) fn index(feed: &mut Feed) -> Result<Index> {
     Ok(index)
 }
 
-/// Reads a frame.
+/// Reads a frame, from all files over which it is spread.
 pub(crate) fn frame(feed: &mut Feed, request: &Request, progress: &dyn Progress) -> Result<Frame> {
-    let whole = |header: Option<Header>| header.filter(|it| it.count.is_some());
-    let header =
-        whole(header(feed)?).ok_or_else(|| feed.fault("the header is not whole", "was the file changed?"))?;
-    let names = request.options.columns.as_ref().unwrap_or(&header.columns);
-    let (axes, scaled) = coordinates(names).ok_or_else(|| {
-        let what = format!("no coordinates among the columns: {}", names.join(" "));
-        let hint = if header.columns.is_empty() {
-            "this old dump does not name its columns: try --columns id,type,x,y,z"
-        } else {
-            "dump x y z, xu yu zu, xs ys zs or xsu ysu zsu"
-        };
-        Error::format(feed.path(), format!("line {}", feed.line_number() - 1), what, hint)
-    })?;
-    let scaled = scaled || request.options.scaled;
-    if scaled && header.cell.is_none() {
-        return Err(
-            feed.fault("scaled coordinates need ITEM: BOX BOUNDS, and there is none", "dump x y z instead")
-        );
+    progress.begin("read", request.bytes_of_all(), "B");
+    let mut pieces = Pieces::begin(feed, request, progress)?;
+    request.others.texts(&mut |feed, request, progress| pieces.take(feed, request, progress), progress)?;
+    pieces.finish(request)
+}
+
+/// A frame while it is read: one piece, or one from each file over which it is spread, with a header of its own.
+struct Pieces {
+    /// The file of the first piece, and its header.
+    path: PathBuf,
+    header: Header,
+    /// The columns, which of them the coordinates are, and whether these are fractions of the cell.
+    names: Vec<String>,
+    axes: [usize; 3],
+    scaled: bool,
+    layout: Layout,
+    builder: rows::Builder,
+}
+
+impl Pieces {
+    /// Reads the first piece.
+    fn begin(feed: &mut Feed, request: &Request, progress: &dyn Progress) -> Result<Self> {
+        let header = whole_header(feed)?;
+        let names = request.options.columns.as_ref().unwrap_or(&header.columns).clone();
+        let (axes, scaled) = coordinates(&names).ok_or_else(|| {
+            let what = format!("no coordinates among the columns: {}", names.join(" "));
+            let hint = if header.columns.is_empty() {
+                "this old dump does not name its columns: try --columns id,type,x,y,z"
+            } else {
+                "dump x y z, xu yu zu, xs ys zs or xsu ysu zsu"
+            };
+            Error::format(feed.path(), format!("line {}", feed.line_number() - 1), what, hint)
+        })?;
+        let scaled = scaled || request.options.scaled;
+        if scaled && header.cell.is_none() {
+            let what = "scaled coordinates need ITEM: BOX BOUNDS, and there is none";
+            return Err(feed.fault(what, "dump x y z instead"));
+        }
+        let layout = layout(feed, (&names, axes), header.cell.map(|cell| (cell, scaled)), request)?;
+        let (path, builder) = (feed.path().to_path_buf(), rows::Builder::new(&layout));
+        let expected = Expected { count: header.count, bytes: request.bytes };
+        let mut pieces = Self { path, header, names, axes, scaled, layout, builder };
+        pieces.builder.add(feed, &pieces.layout, expected, progress)?;
+        Ok(pieces)
     }
 
+    /// Reads another one.
+    fn take(&mut self, feed: &mut Feed, request: &Request, progress: &dyn Progress) -> Result<()> {
+        let header = whole_header(feed)?;
+        Common::of(&header).check(feed.path(), Common::of(&self.header), &self.path)?;
+        if self.builder.is_empty() {
+            // A processor without atoms does not show what is a number and what a word.
+            let cell = self.header.cell.map(|cell| (cell, self.scaled));
+            self.layout = layout(feed, (&self.names, self.axes), cell, request)?;
+            self.builder = rows::Builder::new(&self.layout);
+        }
+        let expected = Expected { count: header.count, bytes: request.bytes };
+        self.builder.add(feed, &self.layout, expected, progress)
+    }
+
+    fn finish(self, request: &Request) -> Result<Frame> {
+        let Self { header, names, axes, scaled, layout, builder, .. } = self;
+        let rows = builder.finish(&layout);
+        let (cell, units) = (header.cell, header.units.as_deref().or(request.units));
+        let columns = Columns {
+            positions: rows.positions,
+            attributes: rows.attributes,
+            radii: None,
+            cell,
+            time: header.time.or(header.step),
+            time_unit: time_unit(header.time.is_some(), units),
+            length_unit: units.and_then(length_unit).map(str::to_string),
+            bonds: Vec::new(),
+        };
+        let mut conventions = conventions(&names, axes, cell.as_ref(), scaled);
+        if cell.is_some() && !header.periodicity {
+            conventions.push("the box does not say whether it repeats: taken as not periodic".to_string());
+        }
+        let mut frame = finish(columns, conventions, Vec::new())?;
+        frame.warnings.extend(looks_scaled(&frame.particles, &names, axes).filter(|_| !scaled));
+        Ok(frame)
+    }
+}
+
+/// The header of a frame that was found before.
+fn whole_header(feed: &mut Feed) -> Result<Header> {
+    let header = header(feed)?.filter(|it| it.count.is_some());
+    header.ok_or_else(|| feed.fault("the header is not whole", "was the file changed?"))
+}
+
+/// How the rows that follow in `feed` are to be understood; with the cell comes whether coordinates are fractions of it.
+fn layout(
+    feed: &mut Feed,
+    (names, axes): (&[String], [usize; 3]),
+    cell: Option<(Cell, bool)>,
+    request: &Request,
+) -> Result<Layout> {
     let sample = feed.peek(1 << 14)?;
     let kinds = rows::kinds(own_rows(sample), Separator::BLANKS, names.len());
     let (mut roles, mut headings) = (Vec::new(), Vec::new());
@@ -219,34 +299,57 @@ pub(crate) fn frame(feed: &mut Feed, request: &Request, progress: &dyn Progress)
         roles.push(Role::Attribute(headings.len()));
         headings.push(Heading::scalar(name, kind));
     }
-    let cell = header.cell;
     let mut layout = Layout {
         separator: Separator::BLANKS,
         roles,
         headings,
-        scaled: cell.filter(|_| scaled),
+        scaled: cell.filter(|(_, scaled)| *scaled).map(|(cell, _)| cell),
         gaps: false,
-        origin: cell.map(|cell| cell.center()).filter(|center| center.is_finite()),
+        origin: cell.map(|(cell, _)| cell.center()).filter(|center| center.is_finite()),
     };
     layout.keep(request.options.wanted.as_ref());
-    let rows = rows::read(feed, &layout, header.count, request.bytes, progress)?;
-    let columns = Columns {
-        positions: rows.positions,
-        attributes: rows.attributes,
-        radii: None,
-        cell,
-        time: header.time.or(header.step),
-        time_unit: time_unit(header.time.is_some(), header.units.as_deref().or(request.units)),
-        length_unit: header.units.as_deref().or(request.units).and_then(length_unit).map(str::to_string),
-        bonds: Vec::new(),
-    };
-    let mut conventions = conventions(names, axes, cell.as_ref(), scaled);
-    if cell.is_some() && !header.periodicity {
-        conventions.push("the box does not say whether it repeats: taken as not periodic".to_string());
+    Ok(layout)
+}
+
+/// What the pieces of a frame have in common.
+pub(super) struct Common<'a> {
+    pub(super) step: Option<f64>,
+    pub(super) columns: &'a [String],
+    /// How many columns there are, also where they have no names.
+    pub(super) size: usize,
+    pub(super) cell: Option<&'a Cell>,
+}
+
+impl<'a> Common<'a> {
+    fn of(header: &'a Header) -> Self {
+        let Header { step, columns, cell, .. } = header;
+        Self { step: *step, columns, size: columns.len(), cell: cell.as_ref() }
     }
-    let mut frame = finish(columns, conventions, Vec::new())?;
-    frame.warnings.extend(looks_scaled(&frame.particles, names, axes).filter(|_| !scaled));
-    Ok(frame)
+}
+
+impl Common<'_> {
+    /// Fails if a piece in the file `path` belongs to another frame than the first one, in the file `first_path`.
+    pub(super) fn check(&self, path: &Path, first: Common, first_path: &Path) -> Result<()> {
+        let other = first_path.file_name().unwrap_or(first_path.as_os_str()).to_string_lossy();
+        let refuse = |what: String, hint: &str| Err(Error::format(path, "", what, hint));
+        if self.step != first.step {
+            let step = |of: &Common| of.step.map_or("no step".to_string(), |step| format!("step {step}"));
+            let what = format!("this piece is of {}, {other} of {}", step(self), step(&first));
+            return refuse(what, "are they of one dump, and all written to the end?");
+        }
+        if (self.columns, self.size) != (first.columns, first.size) {
+            let columns = |of: &Common| match of.columns {
+                [] => format!("{} columns without names", of.size),
+                names => format!("the columns {}", names.join(" ")),
+            };
+            let what = format!("this piece has {}, {other} {}", columns(self), columns(&first));
+            return refuse(what, "are they of one dump?");
+        }
+        if self.cell != first.cell {
+            return refuse(format!("this piece has another box than {other}"), "are they of one dump?");
+        }
+        Ok(())
+    }
 }
 
 /// Which columns the coordinates are, and whether they are scaled; `None` if they are not there.

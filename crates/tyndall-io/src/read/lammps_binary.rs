@@ -11,8 +11,10 @@ use std::path::Path;
 use tyndall::particles::{Attribute, Values};
 use tyndall::{Cell, DVec3, Error, Progress, Result};
 
+use super::content::{self, Content};
 use super::cursor::Cursor;
-use super::lammps::{self, MEASURED};
+use super::lammps::{self, Common, MEASURED};
+use super::map;
 use super::numbers::{Kind, Order};
 use super::records::{self, Field, Layout, Source};
 use super::sections::{self, Column};
@@ -218,7 +220,56 @@ pub(crate) fn index(path: &Path, bytes: &[u8], _: &Options) -> Result<Index> {
     Ok(index)
 }
 
-/// Reads the frame at `span`.
+/// What a file has of a frame.
+struct Piece<'a> {
+    path: &'a Path,
+    bytes: &'a [u8],
+    order: Order,
+    header: Header,
+    /// The place of each chunk, and how many atoms it has.
+    chunks: Vec<(usize, usize)>,
+}
+
+impl<'a> Piece<'a> {
+    fn read(path: &'a Path, bytes: &'a [u8], span: Span) -> Result<Self> {
+        let mut cursor = cursor(path, bytes, span.offset as usize);
+        let header = Header::read(&mut cursor)?;
+        let chunks = header.chunks(&mut cursor)?;
+        Ok(Self { path, bytes, order: cursor.order, header, chunks })
+    }
+
+    fn common(&self) -> Common<'_> {
+        let Header { step, columns, size, cell, .. } = &self.header;
+        Common { step: Some(*step as f64), columns, size: *size as usize, cell: Some(cell) }
+    }
+
+    /// Where the values of its atoms stand, chunk by chunk: coordinates, and other columns with their names.
+    fn layouts(&self, axes: [usize; 3], others: &[(usize, &str)]) -> impl Iterator<Item = Layout<'a>> {
+        let stride = 8 * self.header.size as usize;
+        self.chunks.iter().map(move |&(place, count)| {
+            let source = |column: usize| Source {
+                bytes: self.bytes,
+                kind: Kind::F64,
+                order: self.order,
+                start: place + 8 * column,
+                stride,
+                step: 8,
+            };
+            let field = |&(column, name): &(usize, &str)| Field {
+                name: name.into(),
+                components: 1,
+                source: source(column),
+            };
+            Layout {
+                count,
+                axes: axes.map(|axis| Some(source(axis))),
+                fields: others.iter().map(field).collect(),
+            }
+        })
+    }
+}
+
+/// Reads the frame at `span`, from all files over which it is spread.
 pub(crate) fn frame(
     path: &Path,
     bytes: &[u8],
@@ -226,11 +277,20 @@ pub(crate) fn frame(
     request: &Request,
     progress: &dyn Progress,
 ) -> Result<Frame> {
-    progress.begin("read", span.bytes, "B");
-    let mut cursor = cursor(path, bytes, span.offset as usize);
-    let header = Header::read(&mut cursor)?;
-    let chunks = header.chunks(&mut cursor)?;
+    let total = request.bytes_of_all();
+    progress.begin("read", total, "B");
+    let places = request.others.places();
+    let contents: Vec<Content> =
+        places.iter().map(|(path, _)| content::content(path)).collect::<Result<_>>()?;
+    let progress = &map::released(contents.iter().filter_map(Content::map), progress);
+    let mut pieces = vec![Piece::read(path, bytes, span)?];
+    for ((path, span), content) in places.iter().zip(&contents) {
+        let piece = Piece::read(path, content.as_ref(), *span)?;
+        piece.common().check(path, pieces[0].common(), pieces[0].path)?;
+        pieces.push(piece);
+    }
 
+    let header = &pieces[0].header;
     let names = request.options.columns.as_ref().unwrap_or(&header.columns);
     let size = header.size as usize;
     let wrong = |what: String, hint: &str| Error::format(path, format!("frame {}", span.line), what, hint);
@@ -248,28 +308,14 @@ pub(crate) fn frame(
     })?;
     let scaled = scaled || request.options.scaled;
 
-    let others: Vec<usize> = (0..size).filter(|column| !axes.contains(column)).collect();
-    let offered: Vec<Column> = others.iter().map(|&column| Column::new(&names[column], 1)).collect();
+    let others: Vec<(usize, &str)> = (0..size)
+        .filter(|column| !axes.contains(column))
+        .map(|column| (column, names[column].as_str()))
+        .collect();
+    let offered: Vec<Column> = others.iter().map(|(_, name)| Column::new(*name, 1)).collect();
     let others = sections::flagged(others, &sections::flags(&offered, request.options.wanted.as_ref()));
-    let layout = |&(place, count): &(usize, usize)| {
-        let source = |column: usize| Source {
-            bytes,
-            kind: Kind::F64,
-            order: cursor.order,
-            start: place + 8 * column,
-            stride: 8 * size,
-            step: 8,
-        };
-        let field =
-            |&column: &usize| Field { name: names[column].clone(), components: 1, source: source(column) };
-        Layout {
-            count,
-            axes: axes.map(|axis| Some(source(axis))),
-            fields: others.iter().map(field).collect(),
-        }
-    };
-    let layouts: Vec<Layout> = chunks.iter().map(layout).collect();
-    let total = span.bytes.unwrap_or_default() as usize;
+    let layouts: Vec<Layout> = pieces.iter().flat_map(|it| it.layouts(axes, &others)).collect();
+    let total = total.unwrap_or_default() as usize;
     let mut columns = match layouts.is_empty() {
         true => Default::default(),
         false => records::join(path, &layouts, total, progress)?.into_columns(),
@@ -285,7 +331,8 @@ pub(crate) fn frame(
             let fraction = layouts[chunk].axes.map(|it| it.map_or(0.0, |it| it.number(id - first[chunk])));
             header.cell.origin + (0..3).map(|axis| fraction[axis] * header.cell.vectors[axis]).sum::<DVec3>()
         };
-        columns.positions = records::positions(header.count as usize, Some(header.cell.center()), position);
+        let count = layouts.iter().map(|it| it.count).sum();
+        columns.positions = records::positions(count, Some(header.cell.center()), position);
     }
     columns.attributes.iter_mut().for_each(narrow);
     columns.cell = Some(header.cell);

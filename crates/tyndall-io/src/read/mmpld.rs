@@ -421,7 +421,7 @@ mod tests {
     fn read_all(bytes: &[u8]) -> Result<Vec<Frame>> {
         let (path, options) = (Path::new("test"), Options::default());
         let index = index(path, bytes, &options)?;
-        let request = Request { options: &options, bytes: None, units: None, topology: None };
+        let request = Request { options: &options, bytes: None, units: None, topology: None, others: &() };
         index.frames.iter().map(|&span| frame(path, bytes, span, &request, &())).collect()
     }
 

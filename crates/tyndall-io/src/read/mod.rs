@@ -120,6 +120,8 @@ pub(crate) enum Feature {
     Structure,
     /// Arrays of positions that can be read in parts.
     Parts,
+    /// Frames that may be spread over files, the others of which are [`Request::others`].
+    Pieces,
 }
 
 impl Format {
@@ -201,9 +203,40 @@ pub(crate) struct Request<'a> {
     pub(crate) units: Option<&'a str>,
     /// Where the particles' names are, if their own format has coordinates only.
     pub(crate) topology: Option<&'a Topology>,
+    /// The other files over which the frame is spread, where it is.
+    pub(crate) others: &'a dyn Others,
+}
+
+/// Reads a piece of a frame, at which the feed stands.
+pub(crate) type TakePiece<'a> = dyn FnMut(&mut Feed, &Request, &dyn Progress) -> Result<()> + 'a;
+
+/// The files behind the first one over which a frame is spread, in order.
+pub(crate) trait Others {
+    /// Each file, and where the frame's piece is in it.
+    fn places(&self) -> Vec<(&Path, Span)>;
+
+    /// Lets `take` read the piece of each, which is text.
+    fn texts(&self, take: &mut TakePiece, progress: &dyn Progress) -> Result<()>;
+}
+
+/// None: the frame lies in one file.
+impl Others for () {
+    fn places(&self) -> Vec<(&Path, Span)> {
+        Vec::new()
+    }
+
+    fn texts(&self, _: &mut TakePiece, _: &dyn Progress) -> Result<()> {
+        Ok(())
+    }
 }
 
 impl Request<'_> {
+    /// The size of the frame in all its files, where it is known.
+    fn bytes_of_all(&self) -> Option<u64> {
+        let others: Option<u64> = self.others.places().iter().map(|(_, span)| span.bytes).sum();
+        Some(self.bytes? + others?)
+    }
+
     /// Gives the particles of a frame the attributes that another file has for them; says so.
     fn complete(
         &self,
@@ -232,14 +265,14 @@ pub(crate) const FORMATS: &[Format] = &[
         names: &["lammps", "dump", "lammpstrj"],
         title: "LAMMPS dump",
         recognise: |head, _| lammps::recognise(head),
-        features: &[],
+        features: &[Feature::Pieces],
         open: Open::Text { index: lammps::index, frame: lammps::frame },
     },
     Format {
         names: &["lammps-binary"],
         title: "LAMMPS binary dump",
         recognise: |head, _| lammps_binary::recognise(head),
-        features: &[],
+        features: &[Feature::Pieces],
         open: Open::Binary { index: lammps_binary::index, frame: lammps_binary::frame },
     },
     Format {

@@ -151,7 +151,7 @@ mod tests {
         match index.frames.first() {
             Some(span) => frame(
                 &mut feed,
-                &Request { options: &options, bytes: span.bytes, units: None, topology: None },
+                &Request { options: &options, bytes: span.bytes, units: None, topology: None, others: &() },
                 &(),
             ),
             None => Err(feed.fault("cut", "")),

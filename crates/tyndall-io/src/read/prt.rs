@@ -310,7 +310,7 @@ mod tests {
     fn read_by(bytes: &[u8], strict: bool) -> Result<Frame> {
         let (path, options) = (Path::new("test"), Options { strict, ..Options::default() });
         let index = index(path, bytes, &options)?;
-        let request = Request { options: &options, bytes: None, units: None, topology: None };
+        let request = Request { options: &options, bytes: None, units: None, topology: None, others: &() };
         frame(path, bytes, index.frames[0], &request, &())
     }
 

@@ -116,7 +116,7 @@ mod tests {
             feed.skip_to(span.offset, span.line, &())?;
             frame(
                 &mut feed,
-                &Request { options: &options, bytes: span.bytes, units: None, topology: None },
+                &Request { options: &options, bytes: span.bytes, units: None, topology: None, others: &() },
                 &(),
             )
         };

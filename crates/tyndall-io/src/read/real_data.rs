@@ -103,7 +103,13 @@ pub(crate) fn frames(open: &Open, bytes: &[u8], options: &Options) -> Result<Vec
         let one = |span: &Span| {
             read(
                 *span,
-                &Request { options, bytes: span.bytes, units: index.units.as_deref(), topology: None },
+                &Request {
+                    options,
+                    bytes: span.bytes,
+                    units: index.units.as_deref(),
+                    topology: None,
+                    others: &(),
+                },
             )
         };
         index.frames.iter().map(one).collect()

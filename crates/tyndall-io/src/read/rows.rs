@@ -102,55 +102,105 @@ pub(crate) fn read(
     progress: &dyn Progress,
 ) -> Result<Rows> {
     progress.begin("read", bytes, "B");
-    // A row has at least a digit and a separator a field.
-    let most = bytes.map_or(1 << 16, |bytes| bytes / (2 * layout.roles.len() as u64));
-    let expected = count.or(bytes.map(|bytes| bytes / row_bytes(feed))).unwrap_or(0).min(most) as usize;
-    let mut origin = layout.origin;
-    let mut offsets: [Vec<f32>; 3] = std::array::from_fn(|_| Vec::with_capacity(expected));
-    let new_column = |it: &Heading| Column::new(it.kind, expected.saturating_mul(it.components));
-    let mut columns: Vec<Column> = layout.headings.iter().map(new_column).collect();
+    let mut builder = Builder::new(layout);
+    builder.add(feed, layout, Expected { count, bytes }, progress)?;
+    Ok(builder.finish(layout))
+}
 
-    let path = feed.path().to_path_buf();
-    let mut left = count.unwrap_or(u64::MAX);
-    let block_bytes = bytes.map_or(BLOCK, |bytes| bytes.clamp(1 << 12, BLOCK as u64) as usize);
-    loop {
-        let parsed = feed.block(block_bytes, left, |block| {
-            let slices = slices(block.bytes);
-            let parse = |slice: &&[u8]| {
-                let part =
-                    if progress.cancelled() { Err(Stop::Cancelled) } else { Part::read(slice, layout) };
-                progress.advance(slice.len() as u64);
-                part
-            };
-            let read: Vec<_> = slices.par_iter().map(parse).collect();
-            let (mut line, mut rows) = (block.first_line, 0);
-            let mut parts = Vec::with_capacity(read.len());
-            for (part, slice) in read.into_iter().zip(slices) {
-                let part = part.map_err(|stop| stop.at(&path, line))?;
-                line += part.lines;
-                debug_assert_eq!(part.lines, part_lines(slice));
-                rows += part.rows() as u64;
-                parts.push(part);
+/// What is known of rows before they are read.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Expected {
+    /// How many there are; all that are left if nobody knows.
+    pub(crate) count: Option<u64>,
+    /// Their size, as far as it is known.
+    pub(crate) bytes: Option<u64>,
+}
+
+/// The columns while they are filled: from one text, or from several that follow each other.
+pub(crate) struct Builder {
+    origin: Option<DVec3>,
+    offsets: [Vec<f32>; 3],
+    columns: Vec<Column>,
+}
+
+impl Builder {
+    /// No rows yet.
+    pub(crate) fn new(layout: &Layout) -> Self {
+        let columns = layout.headings.iter().map(|it| Column::new(it.kind, 0)).collect();
+        Self { origin: layout.origin, offsets: Default::default(), columns }
+    }
+
+    /// Appends the rows that follow in `feed`; advances `progress` by their bytes. See [`read`].
+    pub(crate) fn add(
+        &mut self,
+        feed: &mut Feed,
+        layout: &Layout,
+        Expected { count, bytes }: Expected,
+        progress: &dyn Progress,
+    ) -> Result<()> {
+        // A row has at least a digit and a separator a field.
+        let most = bytes.map_or(1 << 16, |bytes| bytes / (2 * layout.roles.len() as u64));
+        let expected = count.or(bytes.map(|bytes| bytes / row_bytes(feed))).unwrap_or(0).min(most) as usize;
+        self.offsets.iter_mut().for_each(|column| column.reserve(expected));
+        for (column, heading) in self.columns.iter_mut().zip(&layout.headings) {
+            column.reserve(expected.saturating_mul(heading.components));
+        }
+
+        let path = feed.path().to_path_buf();
+        let mut left = count.unwrap_or(u64::MAX);
+        let block_bytes = bytes.map_or(BLOCK, |bytes| bytes.clamp(1 << 12, BLOCK as u64) as usize);
+        loop {
+            let parsed = feed.block(block_bytes, left, |block| {
+                let slices = slices(block.bytes);
+                let parse = |slice: &&[u8]| {
+                    let part =
+                        if progress.cancelled() { Err(Stop::Cancelled) } else { Part::read(slice, layout) };
+                    progress.advance(slice.len() as u64);
+                    part
+                };
+                let read: Vec<_> = slices.par_iter().map(parse).collect();
+                let (mut line, mut rows) = (block.first_line, 0);
+                let mut parts = Vec::with_capacity(read.len());
+                for (part, slice) in read.into_iter().zip(slices) {
+                    let part = part.map_err(|stop| stop.at(&path, line))?;
+                    line += part.lines;
+                    debug_assert_eq!(part.lines, part_lines(slice));
+                    rows += part.rows() as u64;
+                    parts.push(part);
+                }
+                let middle = || parts.first().map_or(DVec3::ZERO, Part::middle);
+                let origin = *self.origin.get_or_insert_with(middle);
+                join(parts, origin, &mut self.offsets, &mut self.columns);
+                Ok(rows)
+            })?;
+            let Some(rows) = parsed else { break };
+            left -= rows;
+        }
+        match count.filter(|_| left > 0) {
+            Some(count) => {
+                let what = format!("the file ends after {} of {count} particles", count - left);
+                Err(feed.fault(what, "was it changed or cut while it was read?"))
             }
-            let origin = *origin.get_or_insert_with(|| parts.first().map_or(DVec3::ZERO, Part::middle));
-            join(parts, origin, &mut offsets, &mut columns);
-            Ok(rows)
-        })?;
-        let Some(rows) = parsed else { break };
-        left -= rows;
+            None => Ok(()),
+        }
     }
-    if let Some(count) = count.filter(|_| left > 0) {
-        let what = format!("the file ends after {} of {count} particles", count - left);
-        return Err(feed.fault(what, "was it changed or cut while it was read?"));
+
+    /// Whether no row was appended.
+    pub(crate) fn is_empty(&self) -> bool {
+        self.offsets[0].is_empty()
     }
-    let attributes = layout.headings.iter().zip(columns).map(|(heading, column)| Attribute {
-        name: heading.name.clone(),
-        components: heading.components,
-        unit: heading.unit.clone(),
-        values: column.into_values(),
-    });
-    let positions = Positions::from_offsets(origin.unwrap_or(DVec3::ZERO), offsets);
-    Ok(Rows { positions, attributes: attributes.collect() })
+
+    /// All rows that were appended.
+    pub(crate) fn finish(self, layout: &Layout) -> Rows {
+        let attributes = layout.headings.iter().zip(self.columns).map(|(heading, column)| Attribute {
+            name: heading.name.clone(),
+            components: heading.components,
+            unit: heading.unit.clone(),
+            values: column.into_values(),
+        });
+        let positions = Positions::from_offsets(self.origin.unwrap_or(DVec3::ZERO), self.offsets);
+        Rows { positions, attributes: attributes.collect() }
+    }
 }
 
 /// Appends what slices had, every column on a thread of its own.

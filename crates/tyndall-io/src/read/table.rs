@@ -339,7 +339,13 @@ mod tests {
         let mut feed = Feed::over(Path::new("a.csv"), text.as_bytes());
         frame(
             &mut feed,
-            &Request { options: &options, bytes: Some(text.len() as u64), units: None, topology: None },
+            &Request {
+                options: &options,
+                bytes: Some(text.len() as u64),
+                units: None,
+                topology: None,
+                others: &(),
+            },
             &(),
         )
     }

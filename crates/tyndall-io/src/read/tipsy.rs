@@ -274,7 +274,7 @@ mod tests {
     fn read_with(bytes: &[u8], options: &Options) -> Result<Frame> {
         let path = Path::new("test");
         let index = index(path, bytes, options)?;
-        let request = Request { options, bytes: None, units: None, topology: None };
+        let request = Request { options, bytes: None, units: None, topology: None, others: &() };
         frame(path, bytes, index.frames[0], &request, &())
     }
 

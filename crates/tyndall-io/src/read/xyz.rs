@@ -324,7 +324,8 @@ mod tests {
         for span in &index.frames {
             let mut feed = Feed::over(Path::new("a.xyz"), text.as_bytes());
             feed.skip_to(span.offset, span.line, &())?;
-            let request = Request { options: &options, bytes: span.bytes, units: None, topology: None };
+            let request =
+                Request { options: &options, bytes: span.bytes, units: None, topology: None, others: &() };
             frames.push(frame(&mut feed, &request, &())?);
         }
         Ok(frames)

@@ -7,20 +7,31 @@ use tyndall::{Error, Progress, Result};
 
 use super::{Frame, Options};
 use crate::frame_index;
-use crate::read::{self, Feature, Feed, Format, Index, Open, Packing, Request, Span};
+use crate::read::{self, Feature, Feed, Format, Index, Open, Others, Packing, Request, Span};
 use crate::topology::Topology;
 
 /// Unpacked content up to this size is kept, if it is not more than so many times that of the file.
 const SMALL_BYTES: u64 = 256 << 20;
 const SMALL_GROWTH: u64 = 64;
 
+/// What is asked for, besides the frame's number.
+#[derive(Clone, Copy)]
+pub(super) struct Asked<'a> {
+    pub(super) options: &'a Options,
+    /// Where the particles' names are, if the format has coordinates only.
+    pub(super) topology: Option<&'a Topology>,
+    /// The other files over which the frame is spread.
+    pub(super) others: &'a dyn Others,
+}
+
+/// A file that was opened: what it is, and where its frames are.
 pub(super) struct FileSource {
     pub(super) path: PathBuf,
     pub(super) format: &'static Format,
     pub(super) packing: Packing,
     pub(super) index: Index,
     /// What is wrong with the file as a whole.
-    warning: Option<String>,
+    pub(super) warning: Option<String>,
     /// The unpacked content, if it is small; given up when the only frame is read.
     content: Mutex<Option<Arc<Vec<u8>>>>,
     /// Where the last frame of a compressed file ended.
@@ -28,6 +39,7 @@ pub(super) struct FileSource {
 }
 
 impl FileSource {
+    /// Opens a file; `keep` says whether its content may be kept unpacked.
     pub(super) fn open(path: &Path, options: &Options, keep: bool, progress: &dyn Progress) -> Result<Self> {
         let (format, packing) = read::recognise(path, options)?;
         check_options(path, format, options)?;
@@ -88,13 +100,8 @@ impl FileSource {
         })
     }
 
-    pub(super) fn frame(
-        &self,
-        frame: usize,
-        options: &Options,
-        topology: Option<&Topology>,
-        progress: &dyn Progress,
-    ) -> Result<Frame> {
+    /// Reads a frame.
+    pub(super) fn frame(&self, frame: usize, asked: Asked, progress: &dyn Progress) -> Result<Frame> {
         let span = self.index.frames[frame];
         let mut frame = match &self.format.open {
             Open::Whole(read) if self.packing == Packing::Plain => {
@@ -105,8 +112,7 @@ impl FileSource {
                 read(&self.path, &read::unpacked(&self.path, self.packing, progress)?, progress)?
             }
             Open::Binary { frame, .. } => {
-                let units = self.index.units.as_deref();
-                let request = Request { options, bytes: span.bytes, units, topology };
+                let request = self.request(asked, span.bytes);
                 let read_from = |bytes: &[u8], progress: &dyn Progress| {
                     frame(&self.path, bytes, span, &request, progress)
                 };
@@ -119,30 +125,50 @@ impl FileSource {
                     None => read_from(&read::unpacked(&self.path, self.packing, progress)?, progress)?,
                 }
             }
-            Open::Text { frame, .. } => {
-                let read_at = |feed: &mut Feed, bytes: Option<u64>, progress: &dyn Progress| {
-                    feed.skip_to(span.offset, span.line, progress)?;
-                    let units = self.index.units.as_deref();
-                    let request = Request { options, bytes: span.bytes.or(bytes), units, topology };
-                    frame(feed, &request, progress)
-                };
-                if let Some(content) = self.content() {
-                    read_at(&mut Feed::over(&self.path, &content), Some(content.len() as u64), progress)?
-                } else if self.packing == Packing::Plain {
-                    let map = read::map(&self.path)?;
-                    let mut feed = Feed::over(&self.path, &map);
-                    read_at(&mut feed, Some(map.len() as u64), &map.released(progress))?
-                } else {
-                    let mut feed = self.resumed(span.offset)?;
-                    let frame = read_at(&mut feed, None, progress)?;
-                    // Another thread may have left its own place meanwhile; either is as good.
-                    *self.resume.lock().unwrap_or_else(PoisonError::into_inner) = Some(feed);
-                    frame
-                }
-            }
+            Open::Text { frame: read, .. } => self.text(frame, asked, progress, read)?,
         };
         frame.warnings.extend(self.warning.clone());
         Ok(frame)
+    }
+
+    /// Lets `read` read a frame of a text.
+    pub(super) fn text<T>(
+        &self,
+        frame: usize,
+        asked: Asked,
+        progress: &dyn Progress,
+        mut read: impl FnMut(&mut Feed, &Request, &dyn Progress) -> Result<T>,
+    ) -> Result<T> {
+        let span = self.index.frames[frame];
+        let mut read_at = |feed: &mut Feed, bytes: Option<u64>, progress: &dyn Progress| {
+            feed.skip_to(span.offset, span.line, progress)?;
+            read(feed, &self.request(asked, span.bytes.or(bytes)), progress)
+        };
+        if let Some(content) = self.content() {
+            read_at(&mut Feed::over(&self.path, &content), Some(content.len() as u64), progress)
+        } else if self.packing == Packing::Plain {
+            let map = read::map(&self.path)?;
+            let mut feed = Feed::over(&self.path, &map);
+            read_at(&mut feed, Some(map.len() as u64), &map.released(progress))
+        } else {
+            let mut feed = self.resumed(span.offset)?;
+            let frame = read_at(&mut feed, None, progress)?;
+            if self.index.frames.len() > 1 {
+                // Another thread may have left its own place meanwhile; either is as good.
+                *self.resume.lock().unwrap_or_else(PoisonError::into_inner) = Some(feed);
+            }
+            Ok(frame)
+        }
+    }
+
+    fn request<'a>(&'a self, asked: Asked<'a>, bytes: Option<u64>) -> Request<'a> {
+        let Asked { options, topology, others } = asked;
+        Request { options, bytes, units: self.index.units.as_deref(), topology, others }
+    }
+
+    /// Gives up the place where the last frame of a compressed file ended.
+    pub(super) fn close(&self) {
+        self.resume.lock().unwrap_or_else(PoisonError::into_inner).take();
     }
 
     /// The unpacked content, if it was kept.

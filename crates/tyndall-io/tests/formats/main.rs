@@ -5,6 +5,7 @@ mod convert;
 mod cosmology;
 mod effects;
 mod molecules;
+mod pieces;
 mod saved;
 #[cfg(feature = "parquet")]
 mod tables;
@@ -40,8 +41,12 @@ impl Folder {
         Self(path)
     }
 
+    fn path(&self, name: &str) -> PathBuf {
+        self.0.join(name)
+    }
+
     fn file(&self, name: &str, bytes: &[u8]) -> PathBuf {
-        let path = self.0.join(name);
+        let path = self.path(name);
         std::fs::write(&path, bytes).unwrap();
         path
     }

@@ -105,7 +105,7 @@ fn sample(big: bool, named: bool) -> Writer {
 fn read_with(bytes: &[u8], options: &Options) -> Result<Frame> {
     let path = Path::new("snap");
     let index = index(path, bytes, options)?;
-    let request = Request { options, bytes: None, units: None, topology: None };
+    let request = Request { options, bytes: None, units: None, topology: None, others: &() };
     frame(path, bytes, index.frames[0], &request, &())
 }
 

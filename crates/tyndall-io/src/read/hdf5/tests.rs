@@ -213,7 +213,8 @@ fn a_file_without_particles_is_read() {
 #[test]
 fn a_compressed_file_is_read_as_its_content() {
     let bytes = std::fs::read(path("swift.hdf5")).unwrap();
-    let request = Request { options: &Options::default(), bytes: None, units: None, topology: None };
+    let request =
+        Request { options: &Options::default(), bytes: None, units: None, topology: None, others: &() };
     let span = Span { offset: 0, line: 1, bytes: None };
     let frame = frame(Path::new("no such file"), &bytes, span, &request, &()).unwrap();
     assert_eq!(frame.particles.len(), 8);
@@ -228,7 +229,8 @@ fn damage_never_panics() {
         real_data::damage_some(&bytes, |file| {
             let path = Path::new("no such file");
             let Ok(index) = index(path, file, &options) else { return };
-            let request = Request { options: &options, bytes: None, units: None, topology: None };
+            let request =
+                Request { options: &options, bytes: None, units: None, topology: None, others: &() };
             for span in index.frames.into_iter().take(4) {
                 drop(frame(path, file, span, &request, &()));
             }

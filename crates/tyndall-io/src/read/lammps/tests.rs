@@ -2,7 +2,6 @@
 
 use super::*;
 use crate::sequence::Options;
-use std::path::Path;
 use tyndall::Values;
 
 const TRICLINIC: &str = "ITEM: UNITS\nmetal\nITEM: TIME\n0.5\nITEM: TIMESTEP\n10\nITEM: NUMBER OF ATOMS\n2\n\
@@ -16,7 +15,13 @@ fn read_with(text: &str, options: &Options) -> Result<Vec<Frame>> {
         feed.skip_to(span.offset, span.line, &())?;
         frame(
             &mut feed,
-            &Request { options, bytes: span.bytes, units: index.units.as_deref(), topology: None },
+            &Request {
+                options,
+                bytes: span.bytes,
+                units: index.units.as_deref(),
+                topology: None,
+                others: &(),
+            },
             &(),
         )
     };

@@ -14,7 +14,7 @@ const COUNT: usize = 5;
 fn frames(path: &Path, bytes: &[u8]) -> Result<Vec<Frame>> {
     let options = Options::default();
     let index = index(path, bytes, &options)?;
-    let request = Request { options: &options, bytes: None, units: None, topology: None };
+    let request = Request { options: &options, bytes: None, units: None, topology: None, others: &() };
     index.frames.iter().map(|&span| frame(path, bytes, span, &request, &())).collect()
 }
 
