@@ -1,6 +1,6 @@
 //! Attributes of HDF5 groups and data sets, and the types of numbers: both in the words of the reader's crate.
 
-use hdf5_reader::messages::datatype::Datatype;
+use hdf5_reader::messages::datatype::{Datatype, ReferenceType};
 use hdf5_reader::{Attribute, ByteOrder};
 
 use crate::read::numbers::{Kind, Order};
@@ -42,6 +42,15 @@ impl Attributes {
         let Some(attribute) = self.find(name) else { return Vec::new() };
         let texts = attribute.read_strings().or_else(|_| attribute.read_string().map(|it| vec![it]));
         texts.unwrap_or_default().iter().map(|it| it.trim_matches(['\0', ' ', '\n']).to_string()).collect()
+    }
+
+    /// The address of the group or data set to which an attribute refers.
+    pub(super) fn reference(&self, name: &str) -> Option<u64> {
+        let attribute = self.find(name)?;
+        let is_object =
+            matches!(attribute.datatype, Datatype::Reference { ref_type: ReferenceType::Object, size: 8 });
+        let bytes = attribute.raw_data.first_chunk::<8>().filter(|_| is_object)?;
+        Some(u64::from_le_bytes(*bytes))
     }
 
     /// The first word of an attribute.

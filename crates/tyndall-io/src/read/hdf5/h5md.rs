@@ -8,21 +8,23 @@
 use tyndall::particles::{Attribute, Values};
 use tyndall::{Cell, DVec3, Progress, Result};
 
+use super::attributes::Attributes;
 use super::columns::{self, Input, Run};
+use super::connectivity;
 use super::tree::{Data, Group, Tree};
 use crate::read::records;
 use crate::read::sections::Column;
 use crate::sequence::{Frame, Options};
 
 /// A quantity: its value, and at which steps it was taken if it changes.
-struct Element<'a> {
-    value: Data,
+pub(super) struct Element<'a> {
+    pub(super) value: Data,
     /// The group of a quantity that changes.
     series: Option<Group<'a>>,
 }
 
 impl<'a> Element<'a> {
-    fn find(parent: &Group<'a>, name: &str) -> Result<Option<Self>> {
+    pub(super) fn find(parent: &Group<'a>, name: &str) -> Result<Option<Self>> {
         if let Some(value) = parent.dataset(name)? {
             return Ok(Some(Self { value, series: None }));
         }
@@ -31,7 +33,7 @@ impl<'a> Element<'a> {
     }
 
     /// The indices before that of the particles: the row of frame `frame` of the positions, taken at `step`.
-    fn lead(&self, frame: usize, step: Option<f64>) -> Result<Vec<u64>> {
+    pub(super) fn lead(&self, frame: usize, step: Option<f64>) -> Result<Vec<u64>> {
         let Some(series) = &self.series else { return Ok(Vec::new()) };
         let rows = self.value.shape().first().copied().unwrap_or(0);
         let steps = steps(series, "step", rows)?;
@@ -41,6 +43,21 @@ impl<'a> Element<'a> {
             _ => frame.min((rows as usize).saturating_sub(1)),
         };
         Ok(vec![row as u64])
+    }
+
+    /// Numbers a row, of a list of rows of numbers.
+    pub(super) fn width(&self) -> Option<u64> {
+        let shape = self.value.shape();
+        let dimensions = if self.series.is_some() { 3 } else { 2 };
+        (shape.len() == dimensions && self.value.is_number()).then(|| shape[dimensions - 1])
+    }
+
+    /// The attributes of the group of a quantity that changes, else of its data set.
+    pub(super) fn attributes(&self) -> Result<Attributes> {
+        match &self.series {
+            Some(series) => series.attributes(),
+            None => Ok(self.value.attributes()),
+        }
     }
 
     fn unit(&self) -> Option<String> {
@@ -64,8 +81,17 @@ fn steps(series: &Group, name: &str, rows: u64) -> Result<Option<Vec<f64>>> {
     Ok((steps.len() as u64 == rows).then_some(steps))
 }
 
-/// The group of particles that is shown, and those that are not.
-fn particles<'a>(tree: &'a Tree, options: &Options) -> Result<(Group<'a>, Vec<String>)> {
+/// A group of particles.
+struct Chosen<'a> {
+    group: Group<'a>,
+    /// Its name in `particles`.
+    name: String,
+    /// The names of the groups that are not shown.
+    others: Vec<String>,
+}
+
+/// The group of particles that is shown.
+fn particles<'a>(tree: &'a Tree, options: &Options) -> Result<Chosen<'a>> {
     let hint = "H5MD keeps them in particles/NAME/position";
     let all =
         tree.group("particles")?.ok_or_else(|| tree.fault("", "there is no group 'particles'", hint))?;
@@ -89,12 +115,13 @@ fn particles<'a>(tree: &'a Tree, options: &Options) -> Result<(Group<'a>, Vec<St
     };
     let place = place.ok_or_else(|| tree.fault("particles", "no group here has positions", hint))?;
     let others = names.iter().enumerate().filter(|it| it.0 != place).map(|it| it.1.clone()).collect();
-    Ok((groups.swap_remove(place).1, others))
+    let (name, group) = groups.swap_remove(place);
+    Ok(Chosen { group, name, others })
 }
 
 /// How many frames the positions have.
 pub(super) fn frames(tree: &Tree, options: &Options) -> Result<usize> {
-    let (group, _) = particles(tree, options)?;
+    let Chosen { group, .. } = particles(tree, options)?;
     let positions = Element::find(&group, "position")?.expect("the group was chosen for its positions");
     let rows = positions.value.shape().first().copied().unwrap_or(0);
     if rows > tree.bytes() {
@@ -106,7 +133,7 @@ pub(super) fn frames(tree: &Tree, options: &Options) -> Result<usize> {
 
 /// Reads a frame.
 pub(super) fn frame(tree: &Tree, frame: usize, options: &Options, progress: &dyn Progress) -> Result<Frame> {
-    let (group, others) = particles(tree, options)?;
+    let Chosen { group, name: group_name, others } = particles(tree, options)?;
     let positions = Element::find(&group, "position")?.expect("the group was chosen for its positions");
     let frames = positions.value.shape().first().copied().unwrap_or(0);
     let at = |name: &str| -> Result<Option<f64>> {
@@ -134,6 +161,9 @@ pub(super) fn frame(tree: &Tree, frame: usize, options: &Options, progress: &dyn
             continue;
         }
         let Some(element) = Element::find(&group, &name)?.filter(|it| it.value.is_number()) else { continue };
+        if connectivity::is_own(&name, &element) {
+            continue;
+        }
         let lead = element.lead(frame, step)?;
         if element.value.shape().get(lead.len()) != Some(&(count as u64)) {
             warnings.push(format!("left out: '{name}' does not have {count} rows, one a particle"));
@@ -170,7 +200,12 @@ pub(super) fn frame(tree: &Tree, frame: usize, options: &Options, progress: &dyn
     };
     gathered.length_unit = length_unit;
 
-    let mut conventions = Vec::new();
+    let of = connectivity::Of { group: &group, name: &group_name, others: &others, frame, step };
+    let ids = gathered.attributes.iter().find(|it| it.name == "id");
+    let found = connectivity::bonds(tree, of, count, ids)?;
+    let mut conventions = found.conventions();
+    warnings.extend(found.warnings());
+    gathered.bonds = found.bonds;
     if columns.iter().any(|it| it.name == "image") {
         conventions.push("image: kept as an attribute, not applied to the positions".to_string());
     }

@@ -6,6 +6,7 @@
 
 mod attributes;
 mod columns;
+mod connectivity;
 mod filters;
 mod gadget;
 mod h5md;

@@ -164,6 +164,39 @@ fn h5md_has_frames_fixed_and_varying_elements_and_a_box() {
 }
 
 #[test]
+fn lists_of_pairs_in_h5md_are_bonds() {
+    let read = |group: &str, frame: usize| {
+        let options = Options { dataset: Some(group.into()), ..Options::default() };
+        let frame = open_with("bonds.h5md", &options).unwrap().frame(frame, &()).unwrap();
+        (frame.particles.bonds().to_vec(), frame)
+    };
+    // Ids 30, 10, 20, 40 are places 0, 1, 2, 3; a pair is told twice, and one particle is not there.
+    for frame in 0..2 {
+        let (bonds, read) = read("atoms", frame);
+        assert_eq!(bonds, [[0, 3], [1, 2]]);
+        assert!(
+            read.conventions[0].starts_with("bonds: connectivity/bonds, by the ids"),
+            "{:?}",
+            read.conventions
+        );
+        assert!(read.warnings[0].contains("left out 1 bonds"), "{:?}", read.warnings);
+        assert_eq!(read.particles.attributes().len(), 1, "the ids");
+    }
+    // Lists that change, the first filled up with the file's own number.
+    assert_eq!([read("beads", 0).0, read("beads", 1).0], [vec![[0, 1]], vec![[0, 2], [1, 2]]]);
+    assert!(read("beads", 0).1.warnings.iter().all(|it| it.contains("particles/")));
+    assert_eq!([read("grains", 0).0, read("grains", 1).0], [vec![[0, 1], [0, 2]], vec![[0, 1], [1, 2]]]);
+    let said = read("grains", 1).1.conventions;
+    assert_eq!(
+        said,
+        [
+            "bonds: particles/grains/connectivity, connectivity/grains/more, by the places of particles, from 0"
+        ]
+    );
+    assert!(open("fixed_and_varying.h5md").frame(0, &()).unwrap().particles.bonds().is_empty());
+}
+
+#[test]
 fn openpmd_is_read_in_si_units() {
     let sequence = open("series.h5");
     assert_eq!((sequence.len(), sequence.format()), (2, "openPMD 1.1.0 HDF5"));
@@ -222,7 +255,14 @@ fn a_compressed_file_is_read_as_its_content() {
 
 #[test]
 fn damage_never_panics() {
-    for name in ["swift.hdf5", "swift_latest.hdf5", "fixed_and_varying.h5md", "series.h5", "candidates.h5"] {
+    for name in [
+        "swift.hdf5",
+        "swift_latest.hdf5",
+        "fixed_and_varying.h5md",
+        "bonds.h5md",
+        "series.h5",
+        "candidates.h5",
+    ] {
         let bytes = std::fs::read(path(name)).unwrap();
         let options =
             Options { dataset: (name == "candidates.h5").then(|| "a".to_string()), ..Options::default() };

@@ -183,6 +183,11 @@ impl<'a> Group<'a> {
         (std::ptr::from_ref(self.group.storage()).addr(), self.group.address())
     }
 
+    /// Where it is in the file, as references tell it.
+    pub(super) fn address(&self) -> u64 {
+        self.group.address()
+    }
+
     fn child(&self, name: &str) -> String {
         if self.path.is_empty() { name.to_string() } else { format!("{}/{name}", self.path) }
     }
@@ -275,6 +280,13 @@ impl Data {
     /// Its attributes.
     pub(super) fn attributes(&self) -> Attributes {
         Attributes(self.dataset.attributes())
+    }
+
+    /// The number of places to which nothing was written, if the file says one.
+    pub(super) fn fill(&self) -> Option<f64> {
+        let (kind, order) = number_kind(self.dataset.dtype())?;
+        let bytes = self.dataset.fill_value()?.value.as_deref().filter(|it| it.len() == kind.size())?;
+        Some(Source { bytes, kind, order, start: 0, stride: 0, step: 0 }.number(0))
     }
 
     /// The words that the numbers of an enumeration stand for, by number; none if it is no enumeration of words.

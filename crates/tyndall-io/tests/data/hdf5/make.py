@@ -172,6 +172,35 @@ def h5md():
         ions["step"] = 1
 
 
+def bonds():
+    """Four atoms with ids in two frames and three beads without; lists of pairs of all kinds."""
+    with h5py.File("bonds.h5md", "w") as file:
+        file.create_group("h5md").attrs["version"] = np.array([1, 1])
+        for name, count in [("atoms", 4), ("beads", 3), ("grains", 3)]:
+            position = file.create_group(f"particles/{name}/position")
+            position["value"] = np.arange(6 * count, dtype="f4").reshape(2, count, 3)
+            position["step"] = np.array([0, 10])
+        atoms, beads, grains = (file[f"particles/{name}"] for name in ["atoms", "beads", "grains"])
+        atoms["id"] = np.array([30, 10, 20, 40])
+        lists = file.create_group("connectivity")
+        lists["bonds"] = np.array([[10, 20], [30, 40], [40, 30], [20, 99]])
+        lists["bonds"].attrs["particles_group"] = atoms.ref
+        lists["constraints"] = np.array([[10, 40]])
+        lists["constraints"].attrs["particles_group"] = atoms.ref
+        lists["angles"] = np.array([[10, 20, 30]])
+        lists["angles"].attrs["particles_group"] = atoms.ref
+        varying = lists.create_group("links")
+        varying.create_dataset("value", data=np.array([[[0, 1], [7, 7]], [[0, 2], [2, 1]]], dtype="i4"), fillvalue=7)
+        varying["step"] = np.array([0, 10])
+        varying.attrs["particles_group"] = "/particles/beads"
+        own = grains.create_group("connectivity")
+        own["value"] = np.array([[[0, 2, 1.5], [np.nan] * 3], [[1, 0, 1], [1, 2, 2]]])
+        own["step"] = np.array([0, 10])
+        nested = lists.create_group("grains/more")
+        nested["value"] = np.array([[[0, 1]], [[-1, -1]]])
+        nested["step"] = np.array([0, 10])
+
+
 def openpmd():
     """Two iterations; electrons with an offset and a constant component, one ion."""
     with h5py.File("series.h5", "w") as file:
@@ -235,5 +264,6 @@ left_out()
 linked()
 circle()
 h5md()
+bonds()
 openpmd()
 plain()
