@@ -51,9 +51,6 @@ pub(crate) fn run(args: &args::Build, report: &Report) -> Outcome<()> {
     if input::placement(&args.input) != Placement::AsStored {
         frame.conventions.last().into_iter().for_each(|text| report.note(text));
     }
-    if !frame.particles.bonds().is_empty() {
-        report.warn("bonds are left out: a .tyn file has none");
-    }
     let (radii, radii_text) = match args.radius {
         Some(radius) => {
             (Radii::Uniform(radius), format!("radius {} given", tyndall::scene::short(radius.into())))

@@ -5,6 +5,7 @@
 //!
 //! Invariants of [`Particles`]: all columns have the same length, below 2^32; positions are finite; radii are finite and >= 0.
 
+mod bonds;
 mod values;
 
 use std::sync::OnceLock;
@@ -15,6 +16,7 @@ use rayon::prelude::*;
 use crate::error::{Error, Result};
 use crate::frozen::Frozen;
 use crate::math::Bounds;
+use bonds::Bonds;
 pub use values::{Attribute, FrozenValues, Values, View};
 
 /// Centers: an origin in double precision, and single-precision offsets from it, one column an axis.
@@ -264,6 +266,8 @@ pub struct Entry {
     pub places: Option<Frozen<u64>>,
     /// The box of the centers that stayed, as offsets from the origin.
     pub bounds: Bounds,
+    /// Bonds by ids, in the place of those of the columns: they are looked at when somebody asks for them.
+    pub bonds: Option<Frozen<[u32; 2]>>,
 }
 
 /// Particles that can be drawn. See the module for the invariants.
@@ -278,7 +282,7 @@ pub struct Particles {
     length_unit: Option<String>,
     dropped: Dropped,
     places: Option<Frozen<u64>>,
-    bonds: Vec<[u32; 2]>,
+    bonds: Bonds,
     /// The box of the centers, once it is known.
     bounds: OnceLock<Bounds>,
 }
@@ -317,7 +321,7 @@ impl Particles {
             let kept: Vec<u64> = (0..count as u64).filter(|&id| keep[id as usize]).collect();
             places = Some(kept.into());
         }
-        let bonds = checked_bonds(bonds, count, places.as_deref());
+        let bonds = Bonds::new(bonds, count, places.as_deref());
         let bounds = OnceLock::new();
         Ok(Self {
             positions,
@@ -335,12 +339,12 @@ impl Particles {
     }
 
     /// Takes columns that [`Particles::new`] has checked before, as they were saved, with what else it knew. Nothing is looked at but
-    /// lengths.
+    /// lengths, and bonds of the columns.
     ///
     /// Fails with [`Error::Setting`] if a length does not fit, or the radii refer to an attribute that is not there.
     pub fn restore(columns: Columns, entry: Entry) -> Result<Self> {
         let Columns { positions, attributes, radii, cell, time, time_unit, length_unit, bonds } = columns;
-        let Entry { dropped, places, bounds } = entry;
+        let Entry { dropped, places, bounds, bonds: saved_bonds } = entry;
         let count = positions.len();
         check_lengths(count, &attributes)?;
         let is_known = |place: &usize| attributes.get(*place).is_some_and(|it| it.components == 1);
@@ -355,7 +359,7 @@ impl Particles {
         if places.as_ref().is_some_and(|places| places.len() != count) {
             return Err(Error::setting("places", "of another number", format!("one for {count} particles")));
         }
-        let bonds = checked_bonds(bonds, count, None);
+        let bonds = saved_bonds.map_or_else(|| Bonds::new(bonds, count, None), Bonds::saved);
         let bounds = OnceLock::from(bounds);
         Ok(Self {
             positions,
@@ -418,7 +422,7 @@ impl Particles {
         let place = |id: usize| places.as_ref().map_or(id as u64, |places| places[id]);
         let places: Vec<u64> = (0..keep.len()).filter(|&id| keep[id]).map(place).collect();
         let ids: Vec<u64> = (0..keep.len() as u64).filter(|&id| keep[id as usize]).collect();
-        let bonds = checked_bonds(self.bonds, keep.len(), Some(&ids));
+        let bonds = Bonds::new(self.bonds.of(keep.len()).to_vec(), keep.len(), Some(&ids));
         Self { positions, attributes, places: Some(places.into()), bonds, bounds: OnceLock::new(), ..self }
     }
 
@@ -500,7 +504,7 @@ impl Particles {
 
     /// Pairs of particles that are bonded, by their ids; each pair once, the smaller id first, in order.
     pub fn bonds(&self) -> &[[u32; 2]] {
-        &self.bonds
+        self.bonds.of(self.len())
     }
 
     /// How many were dropped on entry.
@@ -541,7 +545,7 @@ impl Particles {
     pub fn bytes(&self) -> u64 {
         let places = self.places.as_ref().map_or(0, |places| size_of_val(&places[..]));
         let attributes = self.attributes.iter().map(|it| it.values.len() * it.values.value_bytes());
-        (12 * self.len() + places + size_of_val(&self.bonds[..]) + attributes.sum::<usize>()) as u64
+        (12 * self.len() + places + self.bonds.bytes() + attributes.sum::<usize>()) as u64
     }
 
     /// The places in the file of all, by id; none where none was dropped.
@@ -558,22 +562,6 @@ impl Particles {
         };
         *self.bounds.get_or_init(around)
     }
-}
-
-/// Each bond once, in order, between two of `count` particles; where some were dropped, `places` are the places of the others.
-fn checked_bonds(mut bonds: Vec<[u32; 2]>, count: usize, places: Option<&[u64]>) -> Vec<[u32; 2]> {
-    let id = |place: u32| match places {
-        Some(places) => places.binary_search(&u64::from(place)).ok().map(|id| id as u32),
-        None => Some(place).filter(|&place| (place as usize) < count),
-    };
-    bonds.retain_mut(|bond| {
-        let (Some(one), Some(other)) = (id(bond[0]), id(bond[1])) else { return false };
-        *bond = [one.min(other), one.max(other)];
-        one != other
-    });
-    bonds.par_sort_unstable();
-    bonds.dedup();
-    bonds
 }
 
 /// Leaves those of the particles that are flagged.

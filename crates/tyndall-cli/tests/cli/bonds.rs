@@ -47,6 +47,16 @@ fn bonds_of_the_file_join_and_never_stretch_over_the_cell() {
             .fine();
         assert!(png(&folder.path("same.png")).0 == png(&folder.path("with.png")).0, "{structure}");
     }
+    // Built ones are kept, with the structure and without.
+    folder.line("build a.data -o b.tyn --radius 0.2").fine();
+    assert!(folder.line("info b.tyn --check").out.contains("\nbonds 2\n"));
+    for structure in ["", "--structure pkd"] {
+        let look = VIEW.replace("--radius 0.2 ", "");
+        let said =
+            folder.render(&format!("b.tyn -o same.png {look} --bonds --bond-radius 0.3 {structure}")).fine();
+        assert!(said.contains("2 bonds of the file"), "{said}");
+        assert!(png(&folder.path("same.png")).0 == png(&folder.path("with.png")).0, "{structure}");
+    }
     folder.render(&format!("a.data -o images.png {VIEW} --bonds --bond-radius 0.3 --replicate 2,1,1")).fine();
     let upper = drawn(&folder, "images.png", 12..15);
     assert!((36..=38).all(|x| upper.contains(&x)), "{upper:?}");
@@ -67,7 +77,6 @@ fn bonds_are_found_by_elements_and_hinted_at() {
     // Bonds are lost on the way to formats that have none, which is said.
     folder.file("a.data", DATA);
     assert!(folder.line("convert a.data -o b.dump").fine().contains("bonds are left out"));
-    assert!(folder.line("build a.data -o b.tyn").fine().contains("bonds are left out"));
     let said = folder.line("info a.data --wrap molecules").out;
     assert!(said.contains("molecules by mol and bonds, whole, in the cell"), "{said}");
 }

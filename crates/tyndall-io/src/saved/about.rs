@@ -34,6 +34,9 @@ pub(super) struct About {
     pub(super) length_unit: Option<String>,
     pub(super) dropped: Lost,
     pub(super) attributes: Vec<Attribute>,
+    /// How many there are; not said by those who knew of none.
+    #[serde(default)]
+    pub(super) bonds: u64,
     pub(super) radii: Sizes,
     pub(super) conventions: Vec<String>,
     /// Not yet known while the file is written.
@@ -240,6 +243,7 @@ impl About {
             length_unit: particles.length_unit().map(str::to_string),
             dropped: Lost { position: dropped.position, radius: dropped.radius },
             attributes: particles.attributes().iter().map(attribute).collect(),
+            bonds: particles.bonds().len() as u64,
             radii: match radii {
                 Radii::Uniform(radius) => Sizes::Uniform((*radius).into()),
                 Radii::PerType { attribute, radii } => {

@@ -75,6 +75,19 @@ impl<'a> Contents<'a> {
         self.table.section("places").map(|_| self.array("places")).transpose()
     }
 
+    /// The bonds, by ids, if there are some.
+    fn bonds(&self, about: &About) -> Result<Option<Frozen<[u32; 2]>>> {
+        if about.bonds == 0 {
+            return Ok(None);
+        }
+        let bonds: Frozen<[u32; 2]> = self.array("bonds")?;
+        if bonds.len() as u64 != about.bonds {
+            let what = format!("{} bonds, there should be {}", bonds.len(), about.bonds);
+            return Err(fault(self.path, "bonds", what));
+        }
+        Ok(Some(bonds))
+    }
+
     /// The particles.
     pub(super) fn particles(&self, about: &About) -> Result<Particles> {
         let mut offsets = Vec::new();
@@ -103,8 +116,12 @@ impl<'a> Contents<'a> {
             length_unit: about.length_unit.clone(),
             bonds: Vec::new(),
         };
-        let entry =
-            Entry { dropped: about.dropped.dropped(), places: self.places()?, bounds: about.bounds() };
+        let entry = Entry {
+            dropped: about.dropped.dropped(),
+            places: self.places()?,
+            bounds: about.bounds(),
+            bonds: self.bonds(about)?,
+        };
         Particles::restore(columns, entry).map_err(|error| fault(self.path, "about", error.to_string()))
     }
 
@@ -127,7 +144,7 @@ impl<'a> Contents<'a> {
     }
 
     /// Whether all that downstream takes for granted of particles is so.
-    pub(super) fn check_values(&self, particles: &Particles) -> Result<()> {
+    pub(super) fn check_values(&self, about: &About, particles: &Particles) -> Result<()> {
         for (place, attribute) in particles.attributes().iter().enumerate() {
             if let View::Text { codes, names } = attribute.values.view()
                 && let Some(code) = codes.iter().find(|&&code| code as usize >= names.len())
@@ -135,6 +152,10 @@ impl<'a> Contents<'a> {
                 let what = format!("word {code} of '{}', which has {}", attribute.name, names.len());
                 return Err(fault(self.path, format!("attribute.{place}"), what));
             }
+        }
+        if particles.bonds().len() as u64 != about.bonds {
+            let what = "bonds that are there twice, or of particles that are not there";
+            return Err(Error::format(self.path, "bonds", what, "it was not written by Tyndall"));
         }
         match particles.check() {
             true => Ok(()),

@@ -115,7 +115,7 @@ pub(crate) fn read(path: &Path, bytes: &[u8], progress: &dyn Progress) -> Result
     let contents = Contents::copied(path, &table, bytes);
     let about = contents.about()?;
     let particles = contents.particles(&about)?;
-    contents.check_values(&particles)?;
+    contents.check_values(&about, &particles)?;
     progress.advance(bytes.len() as u64);
     Ok(Frame { particles, conventions: about.conventions, warnings: Vec::new() })
 }

@@ -25,7 +25,8 @@ fn sections(path: &Path, kind: Kind, count: usize, each: bool) -> Vec<(String, S
         Positions::from_offsets(DVec3::ZERO, [column(0.754_877), column(0.569_84), column(0.618_034)]);
     let sizes = (0..count).map(|id| 0.01 + 1e-5 * id as f32).collect();
     let attributes = vec![Attribute::new("size", 1, Values::F32(sizes))];
-    let particles = Particles::new(Columns { positions, attributes, ..Columns::default() }).unwrap();
+    let bonds = (1..count as u32).map(|id| [id, id / 2]).collect();
+    let particles = Particles::new(Columns { positions, attributes, bonds, ..Columns::default() }).unwrap();
     let radii = match each {
         true => tyndall::Radii::PerParticle { attribute: 0, scale: 1.0 },
         false => tyndall::Radii::Uniform(0.02),
@@ -79,6 +80,7 @@ fn use_all(opened: Saved) {
     };
     let settings = Settings { width: 16, height: 12, samples: 4, ..Settings::default() };
     render(&scene, &camera, &settings, &()).unwrap();
+    assert!(particles.bonds().as_flattened().iter().all(|&id| (id as usize) < particles.len()));
     let filter: Filter = "size=0.01:0.012".parse().unwrap();
     let kept = tyndall::scene::select::Selectable::of(&particles, &filter).unwrap();
     scene.keep(vec![kept]);
@@ -109,7 +111,8 @@ fn whatever_the_arrays_hold_nothing_panics_and_all_ends() {
     for (kind, each) in kinds().into_iter().flat_map(|kind| [(kind, false), (kind, true)]) {
         let whole = sections(&path, kind, 200, each);
         for target in 0..whole.len() {
-            if !whole[target].0.starts_with("structure.") && whole[target].0 != "attribute.0" {
+            let name = whole[target].0.as_str();
+            if !name.starts_with("structure.") && !["attribute.0", "bonds"].contains(&name) {
                 continue;
             }
             for way in 0..6 {
@@ -173,6 +176,23 @@ fn sections_that_are_missing_or_of_another_length_are_named() {
 }
 
 #[test]
+fn files_from_before_bonds_were_kept_open_without() {
+    let folder = Folder::new("saved-older");
+    let path: PathBuf = folder.0.join("older.tyn");
+    let mut sections = sections(&path, Kind::default(), 50, false);
+    assert_eq!(Saved::open(&path).unwrap().particles.bonds().len(), 49);
+    sections.retain(|it| it.0 != "bonds");
+    let about = &mut sections.iter_mut().find(|it| it.0 == "about").unwrap().2;
+    let mut object: serde_json::Value = serde_json::from_slice(about).unwrap();
+    assert_eq!(object.as_object_mut().unwrap().remove("bonds"), Some(49.into()));
+    *about = serde_json::to_vec(&object).unwrap();
+    write(&path, &sections);
+    let opened = Saved::open(&path).unwrap();
+    assert_eq!((opened.particles.len(), opened.particles.bonds().len()), (50, 0));
+    assert!(read(&path, &std::fs::read(&path).unwrap(), &()).unwrap().particles.bonds().is_empty());
+}
+
+#[test]
 fn wrong_values_are_found_when_particles_are_read_as_a_whole() {
     let folder = Folder::new("saved-values");
     let path: PathBuf = folder.0.join("values.tyn");
@@ -190,4 +210,6 @@ fn wrong_values_are_found_when_particles_are_read_as_a_whole() {
         let error = read_with(target, word).unwrap_err();
         assert!(error.contains("not finite, or radii below 0"), "{error}");
     }
+    // As a number of a particle, 9.0 is far beyond 50.
+    assert!(read_with("bonds", 9.0).unwrap_err().contains("of particles that are not there"));
 }

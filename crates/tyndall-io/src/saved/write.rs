@@ -97,6 +97,9 @@ fn write<W: Write + Seek>(
     if let Some(places) = particles.places() {
         writer.section("places", "u64", bytemuck::cast_slice(places)).map_err(io)?;
     }
+    if !particles.bonds().is_empty() {
+        writer.section("bonds", "u32", bytemuck::cast_slice(particles.bonds())).map_err(io)?;
+    }
     writer.section("sample", "f32", bytemuck::cast_slice(&guesses.sample)).map_err(io)?;
 
     let structure = Structure::build(kind, particles, radii, 1.0, progress)?;

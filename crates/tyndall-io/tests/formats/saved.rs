@@ -52,7 +52,8 @@ fn cloud(count: usize) -> Particles {
         time: Some(0.1 + 0.2),
         time_unit: Some("ps".into()),
         length_unit: Some("Å".into()),
-        bonds: Vec::new(),
+        // Two are of the particle that is dropped, one is there twice.
+        bonds: vec![[9, 0], [7, 3], [0, 9], [count.saturating_sub(1) as u32, 8], [6, 7]],
     })
     .unwrap()
 }
@@ -123,6 +124,7 @@ fn is_same_cloud(a: &Particles, b: &Particles) -> bool {
         && a.attributes() == b.attributes()
         && (a.radii(), a.cell(), a.time(), a.time_unit(), a.length_unit())
             == (b.radii(), b.cell(), b.time(), b.time_unit(), b.length_unit())
+        && a.bonds() == b.bonds()
         && (a.dropped(), a.bounds(), places(a)) == (b.dropped(), b.bounds(), places(b))
 }
 
@@ -140,6 +142,8 @@ fn what_is_opened_is_what_was_built() {
                 opened.check(&()).unwrap();
                 assert_eq!((opened.kind(), opened.writer()), (kind, "tyndall test"), "{case}");
                 assert_eq!(opened.conventions, ["a guess"]);
+                // Particle 7 is dropped, so that those behind it have ids that are 1 less.
+                assert!(count < 1000 || opened.particles.bonds() == [[0, 8], [7, 998]], "{case}");
                 assert!(is_same_cloud(&opened.particles, &particles), "{case}");
                 let spheres = Spheres { particles: &particles, radii: &radii, radius_scale: 1.0 };
                 assert_eq!(opened.guesses, Guesses::of(spheres, "radius of a test".into()), "{case}");
@@ -317,8 +321,9 @@ fn a_damaged_section_is_found_by_the_check_and_by_whoever_reads_it_all() {
                         picture(opened.structure, &opened.particles);
                     }
                 }
-                let is_read =
-                    ["position", "attribute", "places", "about"].iter().any(|it| name.starts_with(it));
+                let is_read = ["position", "attribute", "places", "bonds", "about"]
+                    .iter()
+                    .any(|it| name.starts_with(it));
                 assert_eq!(open(&path).frame(0, &()).is_err(), is_read, "{name}");
             }
         }
