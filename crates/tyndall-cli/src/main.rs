@@ -42,6 +42,7 @@ mod sources;
 mod structure;
 mod usage;
 mod values;
+mod wanted;
 
 use std::process::ExitCode;
 

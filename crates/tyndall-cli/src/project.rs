@@ -31,7 +31,7 @@ use crate::output::{Output, Pattern};
 use crate::report::{Failure, Outcome, Report, bytes, counted, seconds};
 use crate::shot::Taken;
 use crate::values::Background;
-use crate::{ahead, annotate, input, metadata, plan, progress, render, selection};
+use crate::{ahead, annotate, input, metadata, plan, progress, render, selection, wanted};
 
 /// With --mode project: which quantity is projected. Rays are parallel; --weight makes a mean of it.
 #[derive(Args)]
@@ -64,7 +64,9 @@ pub(crate) fn run(args: &Render, report: &Report) -> Outcome<()> {
         }
         false => Some(Output::new(args, report)?),
     };
-    let sequence = input::open(&args.input, None, report)?;
+    let quantity = Some(args.project.quantity.as_str()).filter(|it| *it != DENSITY);
+    let wanted = wanted::of_map(&args.medium.density, &args.selection, quantity);
+    let sequence = input::open(&args.input, Some(wanted), report)?;
     let pictures = plan::pictures(args, &pattern, &Numbers::of(&args.input, sequence.len()), report)?;
     if args.method.dry_run {
         let frame = input::read(&sequence, pictures[0].frame, &args.input, report)?;

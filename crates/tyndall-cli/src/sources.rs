@@ -84,9 +84,8 @@ impl<'a> Sources<'a> {
             let wanted = Wanted {
                 coloring: look.color.clone(),
                 filters: args.selection.all_filters(),
-                quantities: Vec::new(),
                 radii: look.radius.is_none() || look.bonds.is_some(),
-                vectors: Vec::new(),
+                ..Wanted::default()
             };
             Ok(Source { args, sequence: input::open(&args.input, Some(wanted), report)? })
         };

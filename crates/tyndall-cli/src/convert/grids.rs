@@ -13,7 +13,7 @@ use tyndall_io::vdb::{self, DENSITY, Grid, Precision};
 use crate::names::Numbers;
 use crate::output::Pattern;
 use crate::report::{Failure, Outcome, Report, bytes, counted, seconds};
-use crate::{args, dry_run, input, medium, progress, selection};
+use crate::{args, dry_run, input, medium, progress, selection, wanted};
 
 /// Whether a name is that of a file of grids.
 pub(super) fn is_grids(path: &Path) -> bool {
@@ -30,7 +30,9 @@ pub(super) fn run(args: &args::Convert, report: &Report) -> Outcome<()> {
         return copy(args, report);
     }
     let job = Job { args, report, pattern: Pattern::new(&args.output) };
-    let sequence = input::open(&args.input, None, report)?;
+    let mut wanted = wanted::of_density(&args.density, &args.selection);
+    wanted.quantities.extend(args.fields.iter().flatten().filter(|it| *it != DENSITY).cloned());
+    let sequence = input::open(&args.input, Some(wanted), report)?;
     job.each(sequence.len(), |number, path| {
         input::refuse_to_replace(path, sequence.paths())?;
         let frame = input::read(&sequence, number, &args.input, report)?;

@@ -11,6 +11,7 @@ use tyndall::scene::color::Scale;
 use tyndall::scene::coloring::Coloring;
 use tyndall::scene::quantity::{Component, Quantity};
 use tyndall::scene::short;
+use tyndall::scene::wanted::Wanted;
 use tyndall::{Error, Result};
 
 use super::args::OpticsName;
@@ -89,6 +90,15 @@ impl EmissionSpec {
                 }),
                 Coloring::Auto | Coloring::Element | Coloring::Type => Self::Even([1.0; 3]),
             },
+        }
+    }
+
+    /// Asks a reader for what it is of.
+    pub(super) fn want(&self, wanted: &mut Wanted) {
+        match self {
+            Self::None | Self::Even(_) => {}
+            Self::BlackBody(None, _) => wanted.one_of.push(TEMPERATURES.map(String::from).to_vec()),
+            Self::BlackBody(Some(name), _) | Self::Quantity(name) => wanted.quantities.push(name.clone()),
         }
     }
 

@@ -45,7 +45,7 @@ use crate::report::{Failure, Outcome, Report, counted, seconds};
 use crate::shot::Taken;
 use crate::sources::{self, Sources};
 use crate::values::Background;
-use crate::{ahead, annotate, dry_run, input, metadata, plan, progress, render, selection};
+use crate::{ahead, annotate, dry_run, input, metadata, plan, progress, render, selection, wanted};
 use bodies::Bodies;
 use picture::Renderer;
 use values::Rgb;
@@ -192,7 +192,9 @@ impl Job<'_> {
         self.check()?;
         let mut output = Output::new(self.args, self.report)?;
         let pattern = Pattern::new(&self.args.picture.output);
-        let sequence = input::open(&self.args.input, None, self.report)?;
+        let mut wanted = wanted::of_density(&self.args.medium.density, &self.args.selection);
+        self.emission_spec().want(&mut wanted);
+        let sequence = input::open(&self.args.input, Some(wanted), self.report)?;
         let count = self.frames(sequence.len())?;
         let pictures =
             plan::pictures(self.args, &pattern, &Numbers::of(&self.args.input, count), self.report)?;

@@ -58,6 +58,7 @@ pub(crate) fn run(args: &args::Render, report: &Report) -> Outcome<()> {
         quantities: args.look.opacity.iter().cloned().chain(of_layers).collect(),
         radii: args.look.radius.is_none() || args.look.bonds.is_some(),
         vectors: args.look.moving().map(String::from).into_iter().chain(args.shapes.vectors()).collect(),
+        ..Wanted::default()
     };
     let sequence = input::open(&args.input, Some(wanted), report)?;
     job.sources.check(sequence.len())?;

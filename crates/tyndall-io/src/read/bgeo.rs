@@ -8,6 +8,7 @@ use std::path::Path;
 
 use rayon::prelude::*;
 use tyndall::particles::{Attribute, Values};
+use tyndall::scene::wanted::Wanted;
 use tyndall::{Progress, Result};
 
 use super::cursor::Cursor;
@@ -27,7 +28,12 @@ pub(crate) fn recognise(head: &[u8]) -> bool {
 }
 
 /// Reads the points.
-pub(crate) fn read(path: &Path, bytes: &[u8], progress: &dyn Progress) -> Result<Frame> {
+pub(crate) fn read(
+    path: &Path,
+    bytes: &[u8],
+    wanted: Option<&Wanted>,
+    progress: &dyn Progress,
+) -> Result<Frame> {
     progress.begin("read", Some(bytes.len() as u64), "B");
     let mut cursor = Cursor::new(path, bytes, 0, Order::Big, HINT);
     let header = Header::read(&mut cursor)?;
@@ -59,11 +65,12 @@ pub(crate) fn read(path: &Path, bytes: &[u8], progress: &dyn Progress) -> Result
     }
 
     let axes = [0, 1, 2].map(|axis| Some(source(Kind::F32, axis)));
+    let fields = records::wanted_fields(fields, wanted);
     let layout = Layout { count: header.points as usize, axes, fields };
     let mut columns = layout.gather(path, bytes.len(), progress)?.into_columns();
-    let kept = definitions.into_iter().filter(|it| it.components > 0);
-    for (attribute, definition) in columns.attributes.iter_mut().zip(kept) {
-        if let Some(names) = definition.names {
+    for Definition { name, components, names, .. } in definitions.into_iter().filter(|it| it.components > 0) {
+        let is_its = |it: &&mut Attribute| it.name == name && it.components == components;
+        if let (Some(names), Some(attribute)) = (names, columns.attributes.iter_mut().find(is_its)) {
             spell_out(attribute, names);
         }
     }
@@ -172,6 +179,10 @@ mod tests {
 
     use super::*;
     use crate::read::real_data;
+
+    fn read(path: &Path, bytes: &[u8], progress: &dyn Progress) -> Result<Frame> {
+        super::read(path, bytes, None, progress)
+    }
 
     /// Writes a definition; words carry their table, all else zeros as default.
     fn define(file: &mut Vec<u8>, name: &str, components: u16, code: u32, words: &[&str]) {

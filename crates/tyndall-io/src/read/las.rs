@@ -10,6 +10,7 @@ use std::path::Path;
 
 use glam::DVec3;
 use rayon::prelude::*;
+use tyndall::scene::wanted::{Offered, Wanted};
 use tyndall::{Error, Progress, Result};
 
 use self::packed::{Packed, Packing};
@@ -202,17 +203,37 @@ impl Place {
     }
 }
 
-/// Reads the points.
-pub(crate) fn read(path: &Path, bytes: &[u8], progress: &dyn Progress) -> Result<Frame> {
+/// Those of the quantities that are wanted, all if nothing is said.
+fn wanted_of(quantities: Vec<(&'static str, Place)>, wanted: Option<&Wanted>) -> Vec<(&'static str, Place)> {
+    let Some(wanted) = wanted else { return quantities };
+    let offered = quantities.iter().map(|(name, place)| Offered {
+        name,
+        components: 1,
+        is_measured: place.kind().is_float(),
+    });
+    let flags = wanted.flags(&offered.collect::<Vec<_>>());
+    quantities.into_iter().zip(flags).filter_map(|(quantity, flag)| flag.then_some(quantity)).collect()
+}
+
+/// Reads the points, with those of their quantities that are wanted.
+pub(crate) fn read(
+    path: &Path,
+    bytes: &[u8],
+    wanted: Option<&Wanted>,
+    progress: &dyn Progress,
+) -> Result<Frame> {
     progress.begin("read", Some(bytes.len() as u64), "B");
     let header = Header::read(path, bytes)?;
     header.check(path, bytes)?;
     let (count, record) = (header.count as usize, header.record);
-    let quantities = quantities(header.format);
+    let quantities = wanted_of(quantities(header.format), wanted);
 
     let mut packed = match &header.packing {
         // Without points there is nothing, not even where their chunks are.
-        Some(packing) if count > 0 => Some(Packed::new(path, bytes, header.start, packing, header.count)?),
+        Some(packing) if count > 0 => {
+            let names: Vec<&str> = quantities.iter().map(|(name, _)| *name).collect();
+            Some(Packed::new((path, bytes), header.start, packing, header.count, &names)?)
+        }
         _ => None,
     };
     let rows: Vec<usize> = (0..count).step_by(BATCH).map(|start| BATCH.min(count - start)).collect();
@@ -329,6 +350,7 @@ mod tests {
 
     use super::*;
     use crate::read::real_data;
+    use tyndall::scene::coloring::Coloring;
 
     /// The record of a point: x = 6e6 + id, y = -2 id, z = 0.25 in steps of 0.01.
     fn record(id: usize, format: usize) -> Vec<u8> {
@@ -403,7 +425,7 @@ mod tests {
     }
 
     fn read(bytes: &[u8]) -> Result<Frame> {
-        super::read(Path::new("test"), bytes, &())
+        super::read(Path::new("test"), bytes, None, &())
     }
 
     #[test]
@@ -440,6 +462,25 @@ mod tests {
             assert!((angle - 3.0).abs() < 1e-6, "{what}: {angle}");
             let withheld = particles.attribute("withheld").unwrap();
             assert_eq!([0, 1, 2].map(|id| withheld.number(id, 0)), [0.0, 1.0, 0.0], "{what}");
+        }
+    }
+
+    #[test]
+    fn what_is_wanted_is_what_is_read_of_all() {
+        for (format, packed) in (0..=10).map(|it| (it, false)).chain([3, 6, 7, 8].map(|it| (it, true))) {
+            let bytes = points(500, format, packed);
+            let all = read(&bytes).unwrap().particles;
+            let names: Vec<String> = all.attributes().iter().map(|it| it.name.clone()).collect();
+            for name in &names {
+                let wanted = Wanted {
+                    coloring: Coloring::Constant([0.0; 3]),
+                    quantities: vec![name.clone()],
+                    ..Wanted::default()
+                };
+                let one = super::read(Path::new("test"), &bytes, Some(&wanted), &()).unwrap().particles;
+                assert!(one.positions() == all.positions(), "format {format}, {name}");
+                assert_eq!(one.attributes(), [all.attribute(name).unwrap().clone()], "format {format}");
+            }
         }
     }
 

@@ -69,6 +69,7 @@ mod xyz;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
+use tyndall::scene::wanted::Wanted;
 use tyndall::{Columns, Error, Particles, Progress, Result};
 
 use crate::saved;
@@ -145,10 +146,14 @@ impl Feature {
 type ReadFrame =
     fn(path: &Path, bytes: &[u8], span: Span, request: &Request, progress: &dyn Progress) -> Result<Frame>;
 
+/// Reads content that lies in memory as a whole: the attributes that are wanted, all if nothing is said.
+type ReadWhole =
+    fn(path: &Path, bytes: &[u8], wanted: Option<&Wanted>, progress: &dyn Progress) -> Result<Frame>;
+
 /// How a format is read.
 pub(crate) enum Open {
     /// The whole content at once, one frame.
-    Whole(fn(path: &Path, bytes: &[u8], progress: &dyn Progress) -> Result<Frame>),
+    Whole(ReadWhole),
     /// The whole content lies in memory, mapped or unpacked, and has frames.
     Binary {
         /// Finds the frames.
@@ -259,7 +264,7 @@ pub(crate) const FORMATS: &[Format] = &[
         title: "Tyndall",
         recognise: |head, _| saved::recognise(head),
         features: &[Feature::Structure],
-        open: Open::Whole(saved::read),
+        open: Open::Whole(|path, bytes, _, progress| saved::read(path, bytes, progress)),
     },
     Format {
         names: &["lammps", "dump", "lammpstrj"],
@@ -401,7 +406,7 @@ pub(crate) const FORMATS: &[Format] = &[
         title: "Houdini GEO",
         recognise: |head, _| geo::recognise(head),
         features: &[],
-        open: Open::Whole(geo::read),
+        open: Open::Whole(|path, bytes, _, progress| geo::read(path, bytes, progress)),
     },
     Format {
         names: &["prt"],
@@ -415,7 +420,7 @@ pub(crate) const FORMATS: &[Format] = &[
         title: "PTC",
         recognise: |head, _| ptc::recognise(head),
         features: &[],
-        open: Open::Whole(ptc::read),
+        open: Open::Whole(|path, bytes, _, progress| ptc::read(path, bytes, progress)),
     },
     Format {
         names: &["pda"],
@@ -472,14 +477,14 @@ pub(crate) const FORMATS: &[Format] = &[
         title: "E57",
         recognise: |head, _| e57::recognise(head),
         features: &[],
-        open: Open::Whole(e57::read),
+        open: Open::Whole(|path, bytes, _, progress| e57::read(path, bytes, progress)),
     },
     Format {
         names: &["pcd"],
         title: "PCD",
         recognise: |head, _| pcd::recognise(head),
         features: &[],
-        open: Open::Whole(pcd::read),
+        open: Open::Whole(|path, bytes, _, progress| pcd::read(path, bytes, progress)),
     },
     Format {
         names: &["pts"],

@@ -11,13 +11,17 @@ mod rows;
 #[cfg(test)]
 mod tests;
 
+use std::borrow::Cow;
+use std::collections::HashSet;
 use std::path::Path;
 
 use tyndall::particles::{Columns, Radii};
+use tyndall::scene::wanted::{Offered, Wanted};
 use tyndall::{Error, Progress, Result};
 
+use self::archive::{Archive, Entry};
 use self::header::{Fault, Header};
-use self::quantity::{Data, Quantity};
+use self::quantity::{Array, Data, Quantity};
 use super::records::{self, Field, Layout, Source};
 use crate::sequence::Frame;
 
@@ -52,34 +56,86 @@ fn is_archive(head: &[u8]) -> bool {
     head.starts_with(b"PK\x03\x04")
 }
 
-/// Reads an array or an archive of arrays.
-pub(crate) fn read(path: &Path, bytes: &[u8], progress: &dyn Progress) -> Result<Frame> {
+/// Reads an array or an archive of arrays: of what is no position that which is wanted.
+pub(crate) fn read(
+    path: &Path,
+    bytes: &[u8],
+    wanted: Option<&Wanted>,
+    progress: &dyn Progress,
+) -> Result<Frame> {
     progress.begin("read", Some(bytes.len() as u64), "B");
     let mut notes = Notes::default();
     if !is_archive(bytes) {
         let fault = |(what, hint): Fault| Error::format(path, "", what, hint);
         let header = Header::read(bytes).map_err(fault)?;
-        let quantities = quantity::of_array(path, "", &header, bytes, &mut notes.warnings)?;
+        let array = Array { name: "", entry: 0, header: &header, bytes: Some(bytes) };
+        let quantities = array.quantities(path, &mut notes.warnings)?;
         let end = header.values_bytes().map_or(usize::MAX, |values| header.start + values);
         if end < bytes.len() {
             notes.warnings.push(format!("left out: {} bytes behind the array", bytes.len() - end));
         }
-        return assemble(path, quantities, bytes.len(), notes, progress);
+        return assemble(path, quantities, wanted, notes, (bytes.len(), progress));
     }
 
-    let entries = archive::read(path, bytes, progress)?;
-    let is_alone = entries.len() == 1;
+    let archive = Archive::open(path, bytes)?;
+    let is_needed = wanted.and_then(|wanted| needed(path, &archive, wanted));
+    let contents =
+        archive.read(path, |entry| is_needed.as_ref().is_none_or(|needed| needed[entry]), progress)?;
+    let quantities = quantities(path, &archive, &contents, &mut notes.warnings)?;
+    assemble(path, quantities, wanted, notes, (0, progress))
+}
+
+/// The quantities of an archive, of whose entries some are not read.
+fn quantities<'a>(
+    path: &Path,
+    archive: &'a Archive,
+    contents: &'a [Option<Cow<[u8]>>],
+    warnings: &mut Vec<String>,
+) -> Result<Vec<Quantity<'a>>> {
+    let is_alone = archive.entries.len() == 1;
     let mut quantities = Vec::new();
-    for entry in &entries {
-        let name = if is_alone { "" } else { &entry.name };
-        match &entry.content {
-            Ok((header, values)) => {
-                quantities.extend(quantity::of_array(path, name, header, values, &mut notes.warnings)?);
+    for (entry, Entry { name, header }) in archive.entries.iter().enumerate() {
+        match header {
+            Ok(header) => {
+                let name = if is_alone { "" } else { name };
+                let array = Array { name, entry, header, bytes: contents[entry].as_deref() };
+                quantities.extend(array.quantities(path, warnings)?);
             }
-            Err((what, _)) => notes.warnings.push(format!("left out: array '{}': {what}", entry.name)),
+            Err((what, _)) => warnings.push(format!("left out: array '{name}': {what}")),
         }
     }
-    assemble(path, quantities, 0, notes, progress)
+    Ok(quantities)
+}
+
+/// Which entries of an archive are looked at: positions, what is wanted, and single numbers. `None`: all, where something is wrong with them,
+/// which their reading will say.
+fn needed(path: &Path, archive: &Archive, wanted: &Wanted) -> Option<Vec<bool>> {
+    let unread = vec![None; archive.entries.len()];
+    let mut notes = Notes::default();
+    let mut quantities = quantities(path, archive, &unread, &mut notes.warnings).ok()?;
+    let names = |of: &[Quantity]| of.iter().map(|it| (it.entry, it.name.clone())).collect::<HashSet<_>>();
+    let before = names(&quantities);
+    let (count, _) = take_positions(path, &mut quantities, &mut notes).ok()?;
+    let mut needed = vec![false; archive.entries.len()];
+    for (entry, _) in before.difference(&names(&quantities)) {
+        needed[*entry] = true;
+    }
+    for quantity in quantities.iter().filter(|it| it.is_number()) {
+        needed[quantity.entry] = true;
+    }
+    let kept: Vec<Quantity> = quantities.into_iter().filter_map(|it| it.of_particles(count).ok()).collect();
+    for (quantity, flag) in kept.iter().zip(flags(&kept, wanted)) {
+        needed[quantity.entry] |= flag;
+    }
+    Some(needed)
+}
+
+/// Which of the quantities are wanted.
+fn flags(quantities: &[Quantity], wanted: &Wanted) -> Vec<bool> {
+    fn offered<'b>(it: &'b Quantity) -> Offered<'b> {
+        Offered { name: &it.name, components: it.components, is_measured: it.is_measured() }
+    }
+    wanted.flags(&quantities.iter().map(offered).collect::<Vec<_>>())
 }
 
 /// What is said about the file.
@@ -93,24 +149,25 @@ struct Notes {
 fn assemble(
     path: &Path,
     mut quantities: Vec<Quantity>,
-    total_bytes: usize,
+    wanted: Option<&Wanted>,
     mut notes: Notes,
-    progress: &dyn Progress,
+    (total_bytes, progress): (usize, &dyn Progress),
 ) -> Result<Frame> {
     let (count, axes) = take_positions(path, &mut quantities, &mut notes)?;
     let mut radii = None;
     let mut time = None;
     let mut kept = Vec::new();
     for quantity in quantities {
+        let is_turned = quantity.rows != count;
+        let quantity = match quantity.of_particles(count) {
+            Ok(quantity) => {
+                kept.push((is_turned, quantity));
+                continue;
+            }
+            Err(quantity) => quantity,
+        };
         let name = quantity.name.to_lowercase();
-        if quantity.rows == count && !quantity.is_single {
-            kept.push(quantity);
-        } else if quantity.is_table_of(count) {
-            notes
-                .conventions
-                .push(format!("'{}' is taken as transposed: ({}, N)", quantity.name, quantity.rows));
-            kept.push(quantity.turned());
-        } else if let (Some(value), "radius") = (quantity.single(), name.as_str()) {
+        if let (Some(value), "radius") = (quantity.single(), name.as_str()) {
             radii = Some(Radii::Uniform(value as f32));
         } else if let (Some(value), "time" | "t") = (quantity.single(), name.as_str()) {
             time = Some(value);
@@ -122,6 +179,15 @@ fn assemble(
         }
     }
 
+    let (turned, mut kept): (Vec<bool>, Vec<Quantity>) = kept.into_iter().unzip();
+    for (quantity, _) in kept.iter().zip(turned).filter(|(_, is_turned)| *is_turned) {
+        let Quantity { name, components, .. } = quantity;
+        notes.conventions.push(format!("'{name}' is taken as transposed: ({components}, N)"));
+    }
+    if let Some(wanted) = wanted {
+        let mut flags = flags(&kept, wanted).into_iter();
+        kept.retain(|_| flags.next().expect("a flag a quantity"));
+    }
     let mut fields = Vec::new();
     for quantity in &kept {
         if let Data::Numbers(source) = quantity.data {

@@ -36,6 +36,11 @@ impl Kind {
         }
     }
 
+    /// Whether there are values between whole numbers.
+    pub(crate) fn is_float(self) -> bool {
+        matches!(self, Self::F16 | Self::F32 | Self::F64)
+    }
+
     /// `count` zeros of the narrowest column that holds every value of this kind; for `U64` those below 2^63.
     pub(crate) fn zeros(self, count: usize) -> Values {
         match self {

@@ -14,6 +14,7 @@ use std::path::Path;
 
 use rayon::prelude::*;
 use tyndall::particles::{Attribute, Columns, Radii, Values};
+use tyndall::scene::wanted::{Offered, Wanted};
 use tyndall::{Error, Progress, Result};
 
 pub(super) use self::faces::faces;
@@ -25,19 +26,28 @@ use crate::sequence::Frame;
 /// What to try with a file that is too short.
 const CUT_OFF: &str = "the file is cut off or its header is wrong: copy it again or write it again";
 
+/// The properties of 3D Gaussian splats that say how large they are.
+const SCALES: [&str; 3] = ["scale_0", "scale_1", "scale_2"];
+
 /// Whether the file begins like a PLY file.
 pub(crate) fn recognise(head: &[u8]) -> bool {
     head.starts_with(b"ply\n") || head.starts_with(b"ply\r")
 }
 
-/// Reads the vertices.
-pub(crate) fn read(path: &Path, bytes: &[u8], progress: &dyn Progress) -> Result<Frame> {
+/// Reads the vertices, with those of their properties that are wanted.
+pub(crate) fn read(
+    path: &Path,
+    bytes: &[u8],
+    wanted: Option<&Wanted>,
+    progress: &dyn Progress,
+) -> Result<Frame> {
     progress.begin("read", Some(bytes.len() as u64), "B");
     let header = Header::read(path, bytes)?;
     let (mut conventions, mut warnings) = (Vec::new(), Vec::new());
     let vertex = header.vertex(path)?;
     let element = &header.elements[vertex];
-    let roles = Roles::of(path, element, &mut conventions)?;
+    let mut roles = Roles::of(path, element, &mut conventions)?;
+    let shown = roles.choose(element, wanted);
     header.left_out(vertex, &mut warnings);
 
     let before = &header.elements[..vertex];
@@ -59,7 +69,9 @@ pub(crate) fn read(path: &Path, bytes: &[u8], progress: &dyn Progress) -> Result
         }
     };
     records::spell_out_colors(&mut columns.attributes, &mut conventions);
-    add_splat_radius(&mut columns, &mut conventions);
+    if roles.is_splat(element) {
+        add_splat_radius(&mut columns, &shown, &mut conventions);
+    }
     records::frame(columns, conventions, warnings)
 }
 
@@ -92,6 +104,35 @@ impl Roles {
         let is_attribute =
             |place: &usize| scalar(&element.properties[*place]) && !axes.contains(&Some(*place));
         Ok(Self { axes, attributes: (0..element.properties.len()).filter(is_attribute).collect() })
+    }
+
+    /// Keeps the attributes that are wanted, and those that make the radius of splats. Gives the names of the former.
+    fn choose(&mut self, element: &Element, wanted: Option<&Wanted>) -> Vec<String> {
+        let property = |place: &usize| &element.properties[*place];
+        let mut flags = vec![true; self.attributes.len()];
+        let is_splat = self.is_splat(element);
+        if let Some(wanted) = wanted {
+            let offered = |place: &usize| Offered {
+                name: &property(place).name,
+                components: 1,
+                is_measured: property(place).kind().is_some_and(Kind::is_float),
+            };
+            let radius = Offered { name: "radius", components: 1, is_measured: true };
+            let offered: Vec<Offered> =
+                self.attributes.iter().map(offered).chain(is_splat.then_some(radius)).collect();
+            flags = wanted.flags(&offered);
+        }
+        let chosen: Vec<(usize, bool)> = self.attributes.iter().copied().zip(flags).collect();
+        let is_read =
+            |(place, flag): &&(usize, bool)| *flag || is_splat && SCALES.contains(&&*property(place).name);
+        self.attributes = chosen.iter().filter(is_read).map(|(place, _)| *place).collect();
+        chosen.iter().filter(|(_, flag)| *flag).map(|(place, _)| property(place).name.clone()).collect()
+    }
+
+    /// Whether the vertices are those of a file of 3D Gaussian splats.
+    fn is_splat(&self, element: &Element) -> bool {
+        let has = |name: &&str| element.properties.iter().any(|it| it.name == *name && it.kind().is_some());
+        SCALES.iter().chain(&["rot_0", "opacity"]).all(has)
     }
 }
 
@@ -215,11 +256,10 @@ fn cut_off(path: &Path, element: &Element, rows: u64, available: usize) -> Error
     Error::format(path, "", what, CUT_OFF)
 }
 
-/// Gives the Gaussians of a splat file a radius: their scales are logarithms of standard deviations.
-fn add_splat_radius(columns: &mut Columns, conventions: &mut Vec<String>) {
-    let find = |name: &str| columns.attributes.iter().find(|it| it.name == name);
-    let scales = [find("scale_0"), find("scale_1"), find("scale_2")];
-    let ([Some(x), Some(y), Some(z)], Some(_), Some(_)) = (scales, find("rot_0"), find("opacity")) else {
+/// Gives the Gaussians of a splat file a radius: their scales are logarithms of standard deviations. Of these those stay that are `shown`.
+fn add_splat_radius(columns: &mut Columns, shown: &[String], conventions: &mut Vec<String>) {
+    let [Some(x), Some(y), Some(z)] = SCALES.map(|name| columns.attributes.iter().find(|it| it.name == name))
+    else {
         return;
     };
     let mean = |id: usize| (x.number(id, 0) + y.number(id, 0) + z.number(id, 0)) / 3.0;
@@ -229,6 +269,7 @@ fn add_splat_radius(columns: &mut Columns, conventions: &mut Vec<String>) {
          rotation, opacity and view-dependent color are kept as attributes, not drawn"
             .into(),
     );
+    columns.attributes.retain(|it| !SCALES.contains(&&*it.name) || shown.contains(&it.name));
     columns.radii = Some(Radii::PerParticle { attribute: columns.attributes.len(), scale: 1.0 });
     columns.attributes.push(Attribute::new("radius", 1, Values::F32(radii)));
 }

@@ -115,7 +115,7 @@ pub(crate) fn frames(open: &Open, bytes: &[u8], options: &Options) -> Result<Vec
         index.frames.iter().map(one).collect()
     };
     match open {
-        Open::Whole(whole) => Ok(vec![whole(path, bytes, &())?]),
+        Open::Whole(whole) => Ok(vec![whole(path, bytes, options.wanted.as_ref(), &())?]),
         Open::Binary { index, frame } => {
             read(index(path, bytes, options)?, &|span, request| frame(path, bytes, span, request, &()))
         }

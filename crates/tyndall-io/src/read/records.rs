@@ -10,6 +10,7 @@ use std::path::Path;
 use glam::DVec3;
 use rayon::prelude::*;
 use tyndall::particles::{Attribute, Columns, Positions, Values};
+use tyndall::scene::wanted::{Offered, Wanted};
 use tyndall::{Error, Particles, Progress, Result};
 
 use super::numbers::{Half, Kind, Number, Order};
@@ -132,6 +133,16 @@ pub(crate) struct Field<'a> {
     pub(crate) name: String,
     pub(crate) components: usize,
     pub(crate) source: Source<'a>,
+}
+
+/// Those of the fields that are wanted, all if nothing is said.
+pub(crate) fn wanted_fields<'a>(fields: Vec<Field<'a>>, wanted: Option<&Wanted>) -> Vec<Field<'a>> {
+    let Some(wanted) = wanted else { return fields };
+    fn offered<'b>(it: &'b Field) -> Offered<'b> {
+        Offered { name: &it.name, components: it.components, is_measured: it.source.kind.is_float() }
+    }
+    let flags = wanted.flags(&fields.iter().map(offered).collect::<Vec<_>>());
+    fields.into_iter().zip(flags).filter_map(|(field, flag)| flag.then_some(field)).collect()
 }
 
 /// Where everything stands.

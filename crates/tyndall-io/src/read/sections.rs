@@ -69,18 +69,17 @@ pub(crate) struct Section<'a> {
 
 /// The narrowest kind whose column holds the numbers of both.
 pub(crate) fn common(a: Kind, b: Kind) -> Kind {
-    let is_float = |kind| matches!(kind, Kind::F16 | Kind::F32 | Kind::F64);
     let is_wide = |kind| matches!(kind, Kind::U32 | Kind::I64 | Kind::U64);
     match (a, b) {
         _ if a == b => a,
-        _ if is_float(a) && is_float(b) => {
+        _ if a.is_float() && b.is_float() => {
             if a == Kind::F64 || b == Kind::F64 {
                 Kind::F64
             } else {
                 Kind::F32
             }
         }
-        _ if is_float(a) || is_float(b) => Kind::F64,
+        _ if a.is_float() || b.is_float() => Kind::F64,
         _ if is_wide(a) || is_wide(b) => Kind::I64,
         _ => Kind::I32,
     }

@@ -102,14 +102,15 @@ impl FileSource {
 
     /// Reads a frame.
     pub(super) fn frame(&self, frame: usize, asked: Asked, progress: &dyn Progress) -> Result<Frame> {
-        let span = self.index.frames[frame];
+        let (span, wanted) = (self.index.frames[frame], asked.options.wanted.as_ref());
         let mut frame = match &self.format.open {
             Open::Whole(read) if self.packing == Packing::Plain => {
                 let map = read::map(&self.path)?;
-                read(&self.path, &map, &map.released(progress))?
+                read(&self.path, &map, wanted, &map.released(progress))?
             }
             Open::Whole(read) => {
-                read(&self.path, &read::unpacked(&self.path, self.packing, progress)?, progress)?
+                let content = read::unpacked(&self.path, self.packing, progress)?;
+                read(&self.path, &content, wanted, progress)?
             }
             Open::Binary { frame, .. } => {
                 let request = self.request(asked, span.bytes);

@@ -1,12 +1,16 @@
 //! What is left out on reading changes no picture: radii, colors and filters are found as with all attributes.
 
-use tyndall::particles::{Particles, Values};
+use std::io::Write as _;
+use std::path::Path;
+
+use tyndall::DVec3;
+use tyndall::particles::{Attribute, Columns, Particles, Positions, Radii, Values};
 use tyndall::scene::automatic;
 use tyndall::scene::color::resolve;
-use tyndall::scene::coloring::Mapping;
+use tyndall::scene::coloring::{Coloring, Mapping};
 use tyndall::scene::select::Selectable;
 use tyndall::scene::wanted::Wanted;
-use tyndall_io::{Options, Sequence};
+use tyndall_io::{Options, Sequence, write};
 
 use super::{Folder, fixture, shared};
 
@@ -25,7 +29,7 @@ fn seen(particles: &Particles, wanted: &Wanted) -> String {
 }
 
 /// Reads the first frame with all attributes and with those that are wanted; gives how many were left out.
-fn left_out(path: &std::path::Path, wanted: &Wanted) -> usize {
+fn left_out(path: &Path, wanted: &Wanted) -> usize {
     let read = |wanted: Option<Wanted>| {
         let options = Options { wanted, ..Options::default() };
         Sequence::open(&[path.to_path_buf()], &options, &()).and_then(|it| it.frame(0, &())).ok()
@@ -41,7 +45,7 @@ fn left_out(path: &std::path::Path, wanted: &Wanted) -> usize {
 
 fn wanted(coloring: &str, filters: &[&str]) -> Wanted {
     let filters = filters.iter().map(|it| it.parse().unwrap()).collect();
-    Wanted { coloring: coloring.parse().unwrap(), filters, quantities: vec![], radii: true, vectors: vec![] }
+    Wanted { coloring: coloring.parse().unwrap(), filters, radii: true, ..Wanted::default() }
 }
 
 #[test]
@@ -73,6 +77,106 @@ fn attributes_that_nobody_looks_at_are_left_out() {
     assert_eq!(left_out(&path, &wanted("vy", &["id=3:7"])), 1);
     assert_eq!(left_out(&path, &wanted("nothing", &[])), 0);
     assert_eq!(left_out(&fixture("odd.xyz"), &wanted("auto", &[])), 0);
+}
+
+/// The names of the attributes that are read of a file where only these quantities are wanted.
+fn names(path: &Path, quantities: &[&str]) -> Vec<String> {
+    let wanted = Wanted {
+        coloring: Coloring::Constant([0.0; 3]),
+        quantities: quantities.iter().map(|it| it.to_string()).collect(),
+        ..Wanted::default()
+    };
+    let options = Options { wanted: Some(wanted), ..Options::default() };
+    let frame = Sequence::open(&[path.to_path_buf()], &options, &()).and_then(|it| it.frame(0, &()));
+    let particles = frame.unwrap_or_else(|error| panic!("{error}")).particles;
+    assert_eq!(particles.len(), 300);
+    particles.attributes().iter().map(|it| it.name.clone()).collect()
+}
+
+#[test]
+fn of_tables_of_bytes_the_columns_that_are_wanted_are_read() {
+    let folder = Folder::new("columns");
+    let column = |step: f32| (0..300).map(|id| id as f32 * step).collect::<Vec<f32>>();
+    let positions = Positions::from_offsets(DVec3::ONE, [column(0.5), column(-0.25), column(0.1)]);
+    let words =
+        Values::Text { codes: (0..300).map(|id| id % 2).collect(), names: vec!["Cu".into(), "Zr".into()] };
+    let attributes = vec![
+        Attribute::new("element", 1, words),
+        Attribute::new("q", 1, Values::F32(column(0.3))),
+        Attribute::new("v", 3, Values::F32(column(2.0).repeat(3))),
+        Attribute::new("kind", 1, Values::I32((0..300).collect())),
+    ];
+    let particles = Particles::new(Columns { positions, attributes, ..Columns::default() }).unwrap();
+    for (name, has_vectors, has_words) in
+        [("a.ply", false, false), ("a.npy", true, true), ("a.npz", true, true), ("a.bgeo", true, true)]
+    {
+        let path = folder.path(name);
+        write::particles::particles(&path, None, 1, |_| Ok(particles.clone())).unwrap();
+        assert_eq!(names(&path, &["q"]), ["q"], "{name}");
+        assert_eq!(names(&path, &["kind", "x"]), ["kind"], "{name}");
+        assert_eq!(names(&path, &["v"]).len(), if has_vectors { 1 } else { 3 }, "{name}");
+        assert_eq!(names(&path, &["nothing"]).len(), if has_vectors { 4 } else { 6 }, "{name}");
+        for it in [wanted("auto", &[]), wanted("q", &["kind=3:7"]), wanted("#fff", &[]), wanted("v", &[])] {
+            assert!(left_out(&path, &it) > 0, "{name}, {it:?}");
+        }
+        assert_eq!(names(&path, &["element"]).len(), 1, "{name}, words {has_words}");
+    }
+}
+
+#[test]
+fn texts_and_splats_of_ply_are_read_in_part() {
+    let folder = Folder::new("ply");
+    let properties = ["x", "y", "z", "scale_0", "scale_1", "scale_2", "rot_0", "opacity", "f_dc_0"];
+    let header: String = properties.iter().map(|name| format!("property float {name}\n")).collect();
+    let rows: String =
+        (0..300).map(|id| format!("{id} 0 {}.5 -1 -2 -{id}e-2 1 0.5 {id}.25\n", id % 7)).collect();
+    let text = format!("ply\nformat ascii 1.0\nelement vertex 300\n{header}end_header\n{rows}");
+    let path = folder.file("splats.ply", text.as_bytes());
+    assert_eq!(names(&path, &[]), ["radius"]);
+    assert_eq!(names(&path, &["rot_0"]), ["rot_0", "radius"]);
+    assert_eq!(left_out(&path, &wanted("f_dc_0", &["radius=0.1:"])), 5);
+    // What is no number is found where it is looked at.
+    let path = folder.file("damaged.ply", text.replace("1 0.5 7.25", "1 half 7.25").as_bytes());
+    assert_eq!(names(&path, &["f_dc_0"]), ["f_dc_0", "radius"]);
+    let open = Sequence::open(&[path], &Options::default(), &()).unwrap();
+    assert!(open.frame(0, &()).unwrap_err().to_string().contains("'half' was found"));
+}
+
+#[test]
+fn arrays_of_an_archive_that_are_not_wanted_are_not_unpacked() {
+    let folder = Folder::new("npz");
+    let mut zip = zip::ZipWriter::new(std::io::Cursor::new(Vec::new()));
+    let mut add = |name: &str, shape: &str, values: &[f32]| {
+        let options = zip::write::SimpleFileOptions::default();
+        zip.start_file(name, options.compression_method(zip::CompressionMethod::Deflated)).unwrap();
+        let header = format!("{{'descr': '<f4', 'fortran_order': False, 'shape': {shape}, }}");
+        let mut array = b"\x93NUMPY\x01\x00".to_vec();
+        array.extend((header.len() as u16).to_le_bytes());
+        array.extend(header.bytes());
+        array.extend(values.iter().flat_map(|it| it.to_le_bytes()));
+        zip.write_all(&array).unwrap();
+    };
+    let numbers: Vec<f32> = (0..900).map(|k| (k as f32).sin()).collect();
+    add("pos.npy", "(300, 3)", &numbers);
+    add("q.npy", "(300,)", &numbers[..300]);
+    add("damaged.npy", "(3, 300)", &numbers);
+    add("radius.npy", "()", &[0.25]);
+    let mut bytes = zip.finish().unwrap().into_inner();
+    let name = b"damaged.npy";
+    let at = bytes.windows(name.len()).position(|it| it == name).unwrap();
+    // Behind its header, in the middle of what is packed.
+    bytes[at + 1500..at + 1600].fill(0x55);
+    let path = folder.file("a.npz", &bytes);
+    assert_eq!(names(&path, &["q"]), ["q"]);
+    let open = |wanted: Option<Wanted>| {
+        let options = Options { wanted, ..Options::default() };
+        Sequence::open(std::slice::from_ref(&path), &options, &()).and_then(|it| it.frame(0, &()))
+    };
+    assert!(open(None).unwrap_err().to_string().contains("damaged"));
+    assert!(open(Some(wanted("damaged", &[]))).is_err());
+    let particles = open(Some(wanted("#fff", &[]))).unwrap().particles;
+    assert_eq!((particles.radii(), particles.attributes().len()), (Some(&Radii::Uniform(0.25)), 0));
+    assert!((particles.positions().world(7).y - f64::from(numbers[22])).abs() < 1e-6);
 }
 
 #[test]

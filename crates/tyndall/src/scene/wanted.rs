@@ -14,7 +14,7 @@ use super::{element, ellipsoids, rgb};
 use crate::particles::{Attribute, Columns, Particles, Values, is_radius};
 
 /// What a picture is made of.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Wanted {
     /// Where colors come from.
     pub coloring: Coloring,
@@ -26,6 +26,10 @@ pub struct Wanted {
     pub radii: bool,
     /// Vectors and tensors that are drawn.
     pub vectors: Vec<String>,
+    /// Names that one attribute may have, in any case, of each that is looked at: all of them are wanted that there are.
+    pub one_of: Vec<Vec<String>>,
+    /// The same of attributes that need not be there.
+    pub optional: Vec<String>,
 }
 
 /// An attribute that a file has.
@@ -89,6 +93,12 @@ impl Wanted {
             found &= [0, 1, 2].map(&mut flag_axis)[..2] == [true; 2];
         }
         flag(&mut flags, offered, ellipsoids::is_named);
+        let is_among = |names: &[String], name: &str| names.iter().any(|it| it.eq_ignore_ascii_case(name));
+        for names in &self.one_of {
+            flag(&mut flags, offered, |name| is_among(names, name));
+            found &= offered.iter().any(|it| is_among(names, it.name));
+        }
+        flag(&mut flags, offered, |name| is_among(&self.optional, name));
         if found { flags } else { vec![true; offered.len()] }
     }
 }
@@ -146,12 +156,32 @@ mod tests {
         let wanted = Wanted {
             coloring: coloring.parse().unwrap(),
             filters: filters.iter().map(|it| it.parse().unwrap()).collect(),
-            quantities: Vec::new(),
             radii: true,
-            vectors: Vec::new(),
+            ..Wanted::default()
         };
-        let flags = wanted.flags(&offered);
+        flagged(&wanted, &offered)
+    }
+
+    fn flagged(wanted: &Wanted, offered: &[Offered]) -> String {
+        let flags = wanted.flags(offered);
         offered.iter().zip(flags).filter(|it| it.1).map(|it| it.0.name).collect::<Vec<_>>().join(" ")
+    }
+
+    #[test]
+    fn of_several_names_those_are_wanted_that_there_are() {
+        let offered = |names: &'static str| -> Vec<Offered> {
+            names.split(' ').map(|name| Offered { name, components: 1, is_measured: true }).collect()
+        };
+        let names = |text: &str| text.split(' ').map(String::from).collect::<Vec<_>>();
+        let wanted = Wanted {
+            coloring: Coloring::Constant([0.0; 3]),
+            one_of: vec![names("mass m"), names("T temp")],
+            optional: names("h hsml"),
+            ..Wanted::default()
+        };
+        assert_eq!(flagged(&wanted, &offered("id Mass q T u")), "Mass T");
+        assert_eq!(flagged(&wanted, &offered("m q temp T h")), "m temp T h");
+        assert_eq!(flagged(&wanted, &offered("id m q")), "id m q", "all, so that a message can list them");
     }
 
     #[test]

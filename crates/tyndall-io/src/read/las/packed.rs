@@ -8,7 +8,7 @@ use std::io::Cursor as Reader;
 use std::path::Path;
 
 use laz::laszip::LazItemType;
-use laz::{LasZipDecompressor, LazVlr};
+use laz::{DecompressionSelection, LasZipDecompressor, LazVlr};
 use tyndall::{Error, Result};
 
 use super::HINT;
@@ -65,13 +65,14 @@ pub(super) struct Packed<'a> {
 }
 
 impl<'a> Packed<'a> {
-    /// `count` points that begin at byte `start`.
+    /// `count` points that begin at byte `start` of a file. Of these quantities and the coordinates there are right numbers when they are
+    /// unpacked, of others only where they are not in layers of their own.
     pub(super) fn new(
-        path: &'a Path,
-        bytes: &'a [u8],
+        (path, bytes): (&'a Path, &'a [u8]),
         start: usize,
         packing: &Packing,
         count: u64,
+        names: &[&str],
     ) -> Result<Self> {
         let vlr = &packing.vlr;
         if packing.chunked {
@@ -82,7 +83,7 @@ impl<'a> Packed<'a> {
         }
         let mut content = Reader::new(bytes);
         content.set_position(start as u64);
-        let made = guarded(|| LasZipDecompressor::new(content, vlr.clone()));
+        let made = guarded(|| LasZipDecompressor::selective(content, vlr.clone(), selection(names)));
         let made = made.ok_or_else(|| fault(path, "the data are damaged".into()))?;
         Ok(Self { path, decompressor: made.map_err(|error| fault(path, error.to_string()))? })
     }
@@ -94,6 +95,29 @@ impl<'a> Packed<'a> {
         let unpacked = unpacked.ok_or_else(|| fault(self.path, "the data are damaged".into()))?;
         unpacked.map_err(|error| fault(self.path, error.to_string()))
     }
+}
+
+/// The layers in which the coordinates and these quantities are.
+fn selection(names: &[&str]) -> DecompressionSelection {
+    let base = DecompressionSelection::xy_returns_channel().decompress_z();
+    names.iter().fold(base, |selection, name| match *name {
+        "classification" => selection.decompress_classification(),
+        "synthetic"
+        | "key_point"
+        | "withheld"
+        | "overlap"
+        | "scan_direction_flag"
+        | "edge_of_flight_line" => selection.decompress_flags(),
+        "intensity" => selection.decompress_intensity(),
+        "scan_angle" => selection.decompress_scan_angle(),
+        "user_data" => selection.decompress_user_data(),
+        "point_source_id" => selection.decompress_point_source_id(),
+        "gps_time" => selection.decompress_gps_time(),
+        "red" | "green" | "blue" => selection.decompress_rgb(),
+        "nir" => selection.decompress_nir(),
+        // Numbers of returns and the channel come with the coordinates.
+        _ => selection,
+    })
 }
 
 fn fault(path: &Path, what: String) -> Error {

@@ -1,6 +1,6 @@
 //! A quantity of a file: an array, or a member of an array of structures, with a row for each particle.
 //!
-//! Takes headers and bytes, gives quantities. Invariant: all values of a quantity stand within its bytes.
+//! Takes headers and bytes, gives quantities. Invariant: all values of a quantity stand within its bytes, if these were read.
 
 use std::collections::HashMap;
 use std::path::Path;
@@ -19,6 +19,8 @@ const COLUMNS_MAX: usize = 4096;
 #[derive(Clone)]
 pub(super) struct Quantity<'a> {
     pub(super) name: String,
+    /// The entry of the archive in which it is.
+    pub(super) entry: usize,
     pub(super) rows: usize,
     pub(super) components: usize,
     /// Whether it is an array of two axes, which can be transposed.
@@ -60,6 +62,25 @@ impl<'a> Quantity<'a> {
         matches!(self.data, Data::Numbers(_)) && self.is_pair && self.components == count && self.rows > 0
     }
 
+    /// Itself with a row for each of `count` particles, transposed if need be; if it is none of theirs it is the error.
+    pub(super) fn of_particles(self, count: usize) -> std::result::Result<Self, Self> {
+        match self.rows == count && !self.is_single {
+            true => Ok(self),
+            false if self.is_table_of(count) => Ok(self.turned()),
+            false => Err(self),
+        }
+    }
+
+    /// Whether it is a single number.
+    pub(super) fn is_number(&self) -> bool {
+        matches!(self.data, Data::Numbers(_)) && self.rows == 1 && self.components == 1
+    }
+
+    /// Whether it may hold numbers that are not whole.
+    pub(super) fn is_measured(&self) -> bool {
+        matches!(self.data, Data::Numbers(source) if source.kind.is_float())
+    }
+
     /// Its numbers, if it has one a row.
     pub(super) fn scalar(&self) -> Option<Source<'a>> {
         match self.data {
@@ -71,7 +92,7 @@ impl<'a> Quantity<'a> {
     /// Its value, if it has only one.
     pub(super) fn single(&self) -> Option<f64> {
         match self.data {
-            Data::Numbers(source) if self.rows == 1 && self.components == 1 => Some(source.number(0)),
+            Data::Numbers(source) if self.is_number() => Some(source.number(0)),
             _ => None,
         }
     }
@@ -142,76 +163,86 @@ impl Words<'_> {
     }
 }
 
-/// The quantities of an array called `name`, whose header and values stand in `bytes`.
-pub(super) fn of_array<'a>(
-    path: &Path,
-    name: &str,
-    header: &Header,
-    bytes: &'a [u8],
-    warnings: &mut Vec<String>,
-) -> Result<Vec<Quantity<'a>>> {
-    let size = header.element.size();
-    let rows = header.shape.first().copied().unwrap_or(1);
-    let values = &bytes[header.start..];
-    let components = header.shape.iter().skip(1).try_fold(1usize, |count, length| count.checked_mul(*length));
-    let row_bytes = components.and_then(|components| components.checked_mul(size));
-    let (Some(components), Some(row_bytes)) = (components, row_bytes) else {
-        return Err(records::truncated(path, rows as u64, usize::MAX, values.len()));
-    };
-    if header.values_bytes().is_none_or(|needed| needed > values.len()) {
-        return Err(records::truncated(path, rows as u64, row_bytes, values.len()));
-    }
-    let place = if name.is_empty() { String::new() } else { format!("array '{name}'") };
-    if components == 0 || size == 0 {
-        warnings.push(format!("left out: array '{name}' of shape {:?} has rows of no bytes", header.shape));
-        return Ok(vec![]);
-    }
-    let long_axes = header.shape.iter().skip(1).filter(|length| **length > 1).count();
-    if header.fortran_order && long_axes > 1 {
-        let what = format!("an array of shape {:?} in Fortran order cannot be read", header.shape);
-        return Err(Error::format(path, place, what, "write numpy.ascontiguousarray(array)"));
-    }
-    let (stride, step) = if header.fortran_order { (size, size * rows) } else { (row_bytes, size) };
-    let source = Source { bytes: values, kind: Kind::U8, order: Order::Little, start: 0, stride, step };
-    let quantity = Quantity {
-        name: name.into(),
-        rows,
-        components,
-        is_pair: header.shape.len() == 2,
-        is_single: header.shape.is_empty(),
-        data: Data::Numbers(source),
-    };
-    match &header.element {
-        Element::Scalar(scalar) => {
-            let data = data(*scalar, source, components);
-            if data.is_none() {
-                warnings.push(format!("left out: array '{name}': its type cannot be shown"));
-            }
-            Ok(data.map(|data| Quantity { data, ..quantity }).into_iter().collect())
+/// An array.
+pub(super) struct Array<'h, 'a> {
+    pub(super) name: &'h str,
+    /// The entry of the archive in which it is.
+    pub(super) entry: usize,
+    pub(super) header: &'h Header,
+    /// Its header and its values; `None` if they were not read, so that nobody may look at a value.
+    pub(super) bytes: Option<&'a [u8]>,
+}
+
+impl<'a> Array<'_, 'a> {
+    /// Its quantities.
+    pub(super) fn quantities(&self, path: &Path, warnings: &mut Vec<String>) -> Result<Vec<Quantity<'a>>> {
+        let Self { name, entry, header, bytes } = *self;
+        let size = header.element.size();
+        let rows = header.shape.first().copied().unwrap_or(1);
+        let values = bytes.map_or(&[][..], |bytes| &bytes[header.start..]);
+        let components =
+            header.shape.iter().skip(1).try_fold(1usize, |count, length| count.checked_mul(*length));
+        let row_bytes = components.and_then(|components| components.checked_mul(size));
+        let (Some(components), Some(row_bytes)) = (components, row_bytes) else {
+            return Err(records::truncated(path, rows as u64, usize::MAX, values.len()));
+        };
+        if bytes.is_some() && header.values_bytes().is_none_or(|needed| needed > values.len()) {
+            return Err(records::truncated(path, rows as u64, row_bytes, values.len()));
         }
-        Element::Record(members, _) => {
-            if components != 1 {
-                let what = format!("structures in an array of shape {:?} cannot be read", header.shape);
-                return Err(Error::format(path, place, what, "write numpy.ravel(array)"));
-            }
-            let mut quantities = Vec::new();
-            for member in members.iter().filter(|it| !it.name.is_empty()) {
-                let prefix = if name.is_empty() { String::new() } else { format!("{name}.") };
-                let name = format!("{prefix}{}", member.name);
-                let place = Source { start: member.offset, step: member.step, ..source };
-                let data = data(member.scalar, place, member.components);
-                match data {
-                    Some(data) => quantities.push(Quantity {
-                        name,
-                        components: member.components,
-                        is_pair: false,
-                        data,
-                        ..quantity
-                    }),
-                    None => warnings.push(format!("left out: field '{name}': its type cannot be shown")),
+        let place = if name.is_empty() { String::new() } else { format!("array '{name}'") };
+        if components == 0 || size == 0 {
+            warnings
+                .push(format!("left out: array '{name}' of shape {:?} has rows of no bytes", header.shape));
+            return Ok(vec![]);
+        }
+        let long_axes = header.shape.iter().skip(1).filter(|length| **length > 1).count();
+        if header.fortran_order && long_axes > 1 {
+            let what = format!("an array of shape {:?} in Fortran order cannot be read", header.shape);
+            return Err(Error::format(path, place, what, "write numpy.ascontiguousarray(array)"));
+        }
+        let (stride, step) = if header.fortran_order { (size, size * rows) } else { (row_bytes, size) };
+        let source = Source { bytes: values, kind: Kind::U8, order: Order::Little, start: 0, stride, step };
+        let quantity = Quantity {
+            name: name.into(),
+            entry,
+            rows,
+            components,
+            is_pair: header.shape.len() == 2,
+            is_single: header.shape.is_empty(),
+            data: Data::Numbers(source),
+        };
+        match &header.element {
+            Element::Scalar(scalar) => {
+                let data = data(*scalar, source, components);
+                if data.is_none() {
+                    warnings.push(format!("left out: array '{name}': its type cannot be shown"));
                 }
+                Ok(data.map(|data| Quantity { data, ..quantity }).into_iter().collect())
             }
-            Ok(quantities)
+            Element::Record(members, _) => {
+                if components != 1 {
+                    let what = format!("structures in an array of shape {:?} cannot be read", header.shape);
+                    return Err(Error::format(path, place, what, "write numpy.ravel(array)"));
+                }
+                let mut quantities = Vec::new();
+                for member in members.iter().filter(|it| !it.name.is_empty()) {
+                    let prefix = if name.is_empty() { String::new() } else { format!("{name}.") };
+                    let name = format!("{prefix}{}", member.name);
+                    let place = Source { start: member.offset, step: member.step, ..source };
+                    let data = data(member.scalar, place, member.components);
+                    match data {
+                        Some(data) => quantities.push(Quantity {
+                            name,
+                            components: member.components,
+                            is_pair: false,
+                            data,
+                            ..quantity
+                        }),
+                        None => warnings.push(format!("left out: field '{name}': its type cannot be shown")),
+                    }
+                }
+                Ok(quantities)
+            }
         }
     }
 }

@@ -14,7 +14,7 @@ fn data(name: &str) -> Vec<u8> {
 
 fn read_all(file: impl AsRef<[u8]>) -> Result<Frame> {
     assert!(recognise(file.as_ref()));
-    read(Path::new("test"), file.as_ref(), &())
+    read(Path::new("test"), file.as_ref(), None, &())
 }
 
 fn message(file: impl AsRef<[u8]>) -> String {
@@ -198,7 +198,7 @@ fn a_file_cut_anywhere_is_refused() {
     for name in ["fortran_f8.npy", "structured_be.npy", "stored.npz", "deflate.npz"] {
         let file = data(name);
         for length in 0..file.len() {
-            let cut = read(Path::new("test"), &file[..length], &());
+            let cut = read(Path::new("test"), &file[..length], None, &());
             assert!(cut.is_err(), "{name}: {length} bytes");
         }
     }
@@ -233,7 +233,7 @@ fn damage_never_panics() {
     for name in
         ["fortran_f8.npy", "structured_be.npy", "aligned.npy", "stored.npz", "deflate.npz", "xyz_object.npz"]
     {
-        real_data::damage(&data(name), |file| drop(read(Path::new("test"), file, &())));
+        real_data::damage(&data(name), |file| drop(read(Path::new("test"), file, None, &())));
     }
 }
 

@@ -49,7 +49,7 @@ fn binary(big: bool) -> Vec<u8> {
 }
 
 fn read_all(file: impl AsRef<[u8]>) -> Result<Frame> {
-    read(Path::new("test"), file.as_ref(), &())
+    read(Path::new("test"), file.as_ref(), None, &())
 }
 
 fn message(file: impl AsRef<[u8]>) -> String {
@@ -263,7 +263,7 @@ fn a_listener_can_stop_the_reading() {
         }
     }
     for file in [text(), binary(true)].into_iter().chain(with_lists()) {
-        assert!(matches!(read(Path::new("test"), &file, &Impatient), Err(Error::Interrupted)));
+        assert!(matches!(read(Path::new("test"), &file, None, &Impatient), Err(Error::Interrupted)));
     }
 }
 
@@ -280,5 +280,6 @@ fn files_of_others_are_understood() {
 
 #[test]
 fn real_files_are_read_as_plyfile_reads_them() {
+    let read = |path: &Path, bytes: &[u8], progress: &dyn Progress| read(path, bytes, None, progress);
     real_data::compare("pointcloud/dem_grains_binary_le.ply", recognise, read);
 }
