@@ -431,6 +431,21 @@ impl Particles {
         Self { radii: Some(radii), ..self }
     }
 
+    /// The same particles, whose positions are measured from `origin`: of frames with one origin places can be compared.
+    pub fn measured_from(self, origin: DVec3) -> Self {
+        let before = self.positions.origin();
+        if before == origin {
+            return self;
+        }
+        let shift = before - origin;
+        let column = |axis: usize| {
+            let offsets = self.positions.offsets()[axis].par_iter();
+            offsets.map(|offset| (f64::from(*offset) + shift[axis]) as f32).collect()
+        };
+        let positions = Positions::from_offsets(origin, [0, 1, 2].map(column));
+        Self { positions, bounds: OnceLock::new(), ..self }
+    }
+
     /// The same particles elsewhere: `offsets` from the origin, and other values of some attributes. Fails with [`Error::Setting`] if a
     /// place is not finite.
     pub(crate) fn moved(mut self, offsets: [Vec<f32>; 3], values: Vec<(usize, Values)>) -> Result<Self> {
@@ -638,6 +653,19 @@ mod tests {
         assert_eq!((particles.place(0), particles.place(1)), (0, 4));
         assert_eq!(particles.attribute("Radius").unwrap().values, Values::F32(vec![1.0, 3.0]));
         assert_eq!(particles.positions().world(1), DVec3::X);
+    }
+
+    #[test]
+    fn frames_can_be_measured_from_one_origin() {
+        let positions = [DVec3::new(1e6, 2.0, -3.0), DVec3::new(1e6 + 0.25, 5.0, 1.0)];
+        let particles = Particles::new(columns(&positions, &[1.0, 2.0])).unwrap();
+        let bounds = particles.bounds();
+        let origin = DVec3::new(1e6 - 1.0, 0.5, 0.0);
+        let shift = (particles.positions().origin() - origin).as_vec3();
+        let moved = particles.measured_from(origin);
+        assert_eq!(moved.positions().origin(), origin);
+        assert_eq!([0, 1].map(|id| moved.positions().world(id)), positions);
+        assert!(moved.bounds().min.abs_diff_eq(bounds.min + shift, 1e-6));
     }
 
     #[test]

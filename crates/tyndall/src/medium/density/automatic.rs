@@ -107,6 +107,7 @@ fn lattice(particles: Bounds, (margin, finest): (f32, f32), resolution: Resoluti
     let longest = extent.max_element();
     let spacing = match resolution {
         Resolution::Lattice(lattice) => return Ok(lattice),
+        Resolution::Continued(lattice) => return Ok(continued(lattice, particles.grown(margin))),
         Resolution::Voxel(spacing) => spacing,
         Resolution::Samples(samples) if samples < 2 => {
             return Err(Error::setting("grid", samples, "at least 2 samples along the longest axis"));
@@ -124,6 +125,21 @@ fn lattice(particles: Bounds, (margin, finest): (f32, f32), resolution: Resoluti
     let steps = (extent / spacing - 1e-4).ceil().max(Vec3::ONE);
     let size = (steps + 1.0).as_uvec3();
     Ok(Lattice { origin: particles.center() - 0.5 * spacing * steps, spacing, size: size.to_array() })
+}
+
+/// The lattice with bricks added or left out at its sides, so that its samples are just over a box.
+fn continued(lattice: Lattice, bounds: Bounds) -> Lattice {
+    let edge = BRICK as f32 * lattice.spacing;
+    let last = lattice.position(lattice.size.map(|it| it - 1));
+    // What divides evenly but for rounding does.
+    let before = ((bounds.min - lattice.origin) / edge + 1e-3).floor();
+    let behind = ((bounds.max - last) / edge - 1e-3).ceil();
+    let size = Vec3::from(lattice.size.map(|it| it as f32)) + BRICK as f32 * (behind - before);
+    Lattice {
+        origin: lattice.origin + edge * before,
+        spacing: lattice.spacing,
+        size: size.max(Vec3::splat(2.0)).as_uvec3().to_array(),
+    }
 }
 
 /// Refuses particles that do not fit the memory while they are sorted, before anything is allocated.
@@ -226,6 +242,31 @@ mod tests {
         let uneven = by(Resolution::Voxel(0.7));
         assert!(uneven.bounds().contains(particles.min) && uneven.bounds().contains(particles.max));
         assert!(lattice(particles, (1.0, 1.0), Resolution::Samples(1)).is_err());
+    }
+
+    #[test]
+    fn a_lattice_is_continued_by_bricks() {
+        let particles = Bounds { min: Vec3::ZERO, max: Vec3::new(8.0, 4.0, 0.0) };
+        let first = lattice(particles, (1.0, 0.05), Resolution::Voxel(0.3)).unwrap();
+        let continued = |by: Vec3| {
+            let moved = Bounds { min: particles.min + by, max: particles.max + by };
+            (moved.grown(1.0), lattice(moved, (1.0, 0.05), Resolution::Continued(first)).unwrap())
+        };
+        assert_eq!(continued(Vec3::ZERO).1, first);
+        for by in [Vec3::splat(0.1), Vec3::new(-3.3, 1.9, 40.0), Vec3::new(2.4, -4.8, 0.01)] {
+            let (bounds, found) = continued(by);
+            let bricks = (found.origin - first.origin) / 2.4;
+            assert!((bricks - bricks.round()).abs().max_element() < 1e-3, "{by}: {bricks}");
+            let last = found.position(found.size.map(|it| it - 1));
+            assert!(
+                found.origin.cmple(bounds.min + 1e-3).all() && last.cmpge(bounds.max - 3e-3).all(),
+                "{by}"
+            );
+            assert!(
+                (found.origin + 2.4).cmpge(bounds.min).all() && (last - 2.4).cmple(bounds.max).all(),
+                "{by}"
+            );
+        }
         assert!(lattice(particles, (1.0, 1.0), Resolution::Voxel(0.0)).is_err());
     }
 }

@@ -77,6 +77,8 @@ pub enum Resolution {
     Samples(u32),
     /// This lattice, whatever it covers.
     Lattice(Lattice),
+    /// This lattice with bricks added or left out at its sides, so that it is over the same box: of particles that move samples stay at their places.
+    Continued(Lattice),
 }
 
 /// How much a particle weighs.

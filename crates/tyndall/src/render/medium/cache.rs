@@ -34,6 +34,8 @@ pub struct Settings {
     /// Distance of the samples that hold what is smooth: the light of the sky and that scattered before; `None`: twice the one
     /// above, in a medium that emits just that, or more where these would be more than half a million.
     pub diffuse_spacing: Option<f32>,
+    /// A point from which all samples lie at whole spacings, measured as the density is; `None`: the first sample of the density.
+    pub anchor: Option<Vec3>,
     /// Directions in which light travels; 8 to 4096.
     pub directions: u32,
     /// How light that was scattered more than once is found.
@@ -55,7 +57,23 @@ pub enum Multiple {
 
 impl Default for Settings {
     fn default() -> Self {
-        Self { spacing: None, diffuse_spacing: None, directions: 64, multiple: Multiple::default() }
+        Self {
+            spacing: None,
+            diffuse_spacing: None,
+            anchor: None,
+            directions: 64,
+            multiple: Multiple::default(),
+        }
+    }
+}
+
+impl Settings {
+    /// The same with the lattices that they mean for this medium. With these the samples of other media, such as those of later frames, lie at the
+    /// same places, wherever the media end, so that light does not flicker.
+    pub fn kept(self, medium: &Medium) -> Self {
+        let [spacing, diffuse] = builder::spacings(medium, &self);
+        let anchor = self.anchor.unwrap_or(medium.density().origin());
+        Self { spacing: Some(spacing), diffuse_spacing: Some(diffuse), anchor: Some(anchor), ..self }
     }
 }
 

@@ -14,13 +14,19 @@ use crate::pages;
 pub(super) const PADDING: u32 = 2;
 
 /// A lattice of `spacing` over the samples of `grid`, with the padding.
+#[cfg(test)]
 pub(super) fn lattice_over(grid: &Grid, spacing: f32) -> Lattice {
-    let size = grid.size().map(|count| {
-        let edge = (count - 1) as f32 * grid.spacing() / spacing;
-        // A last cell that is there by rounding only would hold nothing.
-        (edge - 1e-3).ceil().max(0.0) as u32 + 1 + 2 * PADDING
-    });
-    Lattice { origin: grid.origin() - PADDING as f32 * spacing, spacing, size }
+    anchored(grid, spacing, grid.origin())
+}
+
+/// The same, whose samples lie at whole spacings from `anchor`.
+pub(super) fn anchored(grid: &Grid, spacing: f32, anchor: Vec3) -> Lattice {
+    // What is whole but for rounding is whole: a last cell that is there by rounding only would hold nothing.
+    let first = ((grid.origin() - anchor) / spacing + 1e-3).floor() - PADDING as f32;
+    let origin = anchor + spacing * first;
+    let last = grid.lattice().position(grid.size().map(|count| count - 1));
+    let steps = ((last - origin) / spacing - 1e-3).ceil().max(Vec3::splat(PADDING as f32));
+    Lattice { origin, spacing, size: steps.as_uvec3().to_array().map(|steps| steps + 1 + PADDING) }
 }
 
 /// Values at the samples of a lattice, x fastest, then y, then z.
@@ -31,17 +37,18 @@ pub(super) struct Field {
 }
 
 impl Field {
-    /// The density of `grid`, on a lattice made by [`lattice_over`].
+    /// The density of `grid`, on a lattice made by [`anchored`].
     pub(super) fn density(grid: &Grid, lattice: Lattice) -> Self {
         let row = |j: u32, k: u32, row: &mut [f32]| grid.row([j, k], row);
         if lattice.spacing < 0.999 * grid.spacing() {
             // Tents narrower than the grid's cells would leave gaps.
-            return resample(grid.lattice(), lattice_over(grid, grid.spacing()), row).interpolated(lattice);
+            let fine = anchored(grid, grid.spacing(), grid.origin());
+            return resample(grid.lattice(), fine, row).interpolated(lattice);
         }
         resample(grid.lattice(), lattice, row)
     }
 
-    /// The product of a density and another field on the same lattice, at the samples of a lattice made by [`lattice_over`].
+    /// The product of a density and another field on the same lattice, at the samples of a lattice made by [`anchored`].
     pub(super) fn product(grid: &Grid, other: &Grid, lattice: Lattice) -> Self {
         let row = |j: u32, k: u32, row: &mut [f32]| {
             grid.row([j, k], row);
@@ -52,7 +59,8 @@ impl Field {
             }
         };
         if lattice.spacing < 0.999 * grid.spacing() {
-            return resample(grid.lattice(), lattice_over(grid, grid.spacing()), row).interpolated(lattice);
+            let fine = anchored(grid, grid.spacing(), grid.origin());
+            return resample(grid.lattice(), fine, row).interpolated(lattice);
         }
         resample(grid.lattice(), lattice, row)
     }
@@ -312,6 +320,29 @@ mod tests {
             assert!((field.value(at) - grid.value(i, j, k)).abs() < 1e-6);
         }
         assert_eq!(field.value(grid.bounds().min - 1.0), 0.0);
+    }
+
+    #[test]
+    fn an_anchor_decides_where_samples_lie() {
+        let grid = random_grid([7, 5, 9]);
+        assert_eq!(anchored(&grid, 0.8, grid.origin()), lattice_over(&grid, 0.8));
+        for spacing in [0.5, 0.8, 3.7] {
+            for shift in [-7.3, 0.2, 2.0] {
+                let anchor = grid.origin() + shift * Vec3::new(1.0, -0.7, 0.3);
+                let lattice = anchored(&grid, spacing, anchor);
+                let whole = (lattice.origin - anchor) / spacing;
+                assert!((whole - whole.round()).abs().max_element() < 1e-3, "{spacing} {shift}: {whole}");
+                let margin = PADDING as f32 * spacing - 1e-3;
+                let (low, high) = (grid.lattice().position([0; 3]), grid.lattice().position([6, 4, 8]));
+                let end = lattice.position(lattice.size.map(|it| it - 1));
+                for space in [low - lattice.origin, end - high] {
+                    assert!(space.min_element() >= margin && space.max_element() < margin + spacing);
+                }
+                let mass = f64::from(spacing).powi(3)
+                    * Field::density(&grid, lattice).values.iter().map(|&it| f64::from(it)).sum::<f64>();
+                assert!((mass / grid.mass() - 1.0).abs() < 1e-3 || spacing < 0.8, "{spacing} {shift}");
+            }
+        }
     }
 
     #[test]

@@ -6,7 +6,7 @@ use rayon::prelude::*;
 use super::super::balls::Wanted;
 use super::super::columns::{self, Source};
 use super::super::diffuse::{self, Accuracy, Bodies, Channel, Level};
-use super::super::field::{Field, lattice_over, sample};
+use super::super::field::{Field, anchored, sample};
 use super::super::gather::{PhotonMap, Radius};
 use super::super::harmonics::{self, count};
 use super::super::photons::{self, Stored};
@@ -82,14 +82,11 @@ impl<'a> Builder<'a> {
                 ));
             }
         }
-        let spacing = settings.spacing.unwrap_or_else(|| spacing(grid, grid.spacing(), MOST_SAMPLES[0]));
-        // Matter that glows is brightest beside itself.
-        let steps = if medium.emission().is_some() { 1.0 } else { 2.0 };
-        let smooth =
-            settings.diffuse_spacing.unwrap_or_else(|| self::spacing(grid, steps * spacing, MOST_SAMPLES[1]));
-        let mut lattices = vec![lattice_over(grid, smooth)];
+        let [spacing, smooth] = spacings(medium, settings);
+        let anchor = settings.anchor.unwrap_or(grid.origin());
+        let mut lattices = vec![anchored(grid, smooth, anchor)];
         while let Some(last) = lattices.last().filter(|it| it.sample_count() > COARSEST) {
-            lattices.push(lattice_over(grid, 2.0 * last.spacing));
+            lattices.push(anchored(grid, 2.0 * last.spacing, anchor));
         }
         progress.begin("light", None, "");
         let g = medium.optics().phase.g();
@@ -97,7 +94,7 @@ impl<'a> Builder<'a> {
             medium,
             lights,
             parted: lights.iter().flat_map(parted).collect(),
-            density: Field::density(grid, lattice_over(grid, spacing)),
+            density: Field::density(grid, anchored(grid, spacing, anchor)),
             bodies: solids.iter().flat_map(|it| lattices.iter().map(|lattice| it.smooth(*lattice))).collect(),
             solids,
             lattices,
@@ -414,6 +411,16 @@ impl Mix {
         };
         (0..3).filter_map(mix).min_by(|(a, _), (b, _)| a.total_cmp(b)).map(|(_, mix)| mix)
     }
+}
+
+/// Distances of the samples of lights without extent, and of what is smooth.
+pub(super) fn spacings(medium: &Medium, settings: &Settings) -> [f32; 2] {
+    let grid = medium.density();
+    let sharp = settings.spacing.unwrap_or_else(|| spacing(grid, grid.spacing(), MOST_SAMPLES[0]));
+    // Matter that glows is brightest beside itself.
+    let steps = if medium.emission().is_some() { 1.0 } else { 2.0 };
+    let smooth = || spacing(grid, steps * sharp, MOST_SAMPLES[1]);
+    [sharp, settings.diffuse_spacing.unwrap_or_else(smooth)]
 }
 
 /// A spacing for which a lattice over the grid has no more than `most` samples, at least `least`.
