@@ -98,6 +98,19 @@ impl Goal {
     pub(crate) fn of_share(self, share: f64) -> Self {
         Self { time: self.time.map(|time| time.mul_f64(share)), ..self }
     }
+
+    /// Says from now on whether the time is over.
+    pub(crate) fn is_late(self) -> impl FnMut() -> bool {
+        let start = Instant::now();
+        move || self.time.is_some_and(|time| start.elapsed() >= time)
+    }
+}
+
+/// Says what a picture came to.
+pub(crate) fn tell(Quality { noise, samples: [least, most] }: Quality, report: &Report) {
+    let text =
+        if noise.is_finite() { format!("noise {:.2} %", 100.0 * noise) } else { "noise unknown".into() };
+    report.note(format_args!("{text}, {least} to {most} samples"));
 }
 
 /// A picture by the processor, with what culling saved.
@@ -119,13 +132,8 @@ fn on_processor(
 /// Takes the samples of a picture: all of them, or as many as the goal needs, which is said.
 pub(crate) fn complete(renderer: &mut Renderer, goal: Goal, report: &Report) -> Result<()> {
     if goal.is_given() {
-        let start = Instant::now();
-        let mut is_late = || goal.time.is_some_and(|time| start.elapsed() >= time);
-        let found = renderer.refine(goal.noise.unwrap_or(0.0), &mut is_late, report.progress())?;
-        let Quality { noise, samples: [least, most] } = found;
-        let text =
-            if noise.is_finite() { format!("noise {:.2} %", 100.0 * noise) } else { "noise unknown".into() };
-        report.note(format_args!("{text}, {least} to {most} samples"));
+        let mut is_late = goal.is_late();
+        tell(renderer.refine(goal.noise.unwrap_or(0.0), &mut is_late, report.progress())?, report);
     } else {
         renderer.finish(report.progress())?;
     }

@@ -90,16 +90,20 @@ pub(crate) struct Medium {
     /// Around each sample of the cache photons count within this radius; auto, R, or N@R for the nearest N within R
     #[arg(long, value_name = "RADIUS", default_value = "auto", allow_hyphen_values = true)]
     pub(crate) gather_radius: Gather,
-    /// With --cache photons: means of so many passes, each with photons of its own and a radius that shrinks from pass to pass; the error by the radius vanishes, the memory stays that of one pass
-    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
-    pub(crate) photon_passes: u32,
-    /// Position noise: AMPLITUDE@OCTAVES, such as 0.6@3. Of spheres 1%: adds samples until so little noise is left, root mean square, as a share
-    /// of white; then --samples is the most that a pixel gets [default of it: 4096]
+    /// With --cache photons: means of so many passes, each with photons of its own and a radius that shrinks from pass to pass; the error by the radius vanishes, the memory stays that of one pass. With --noise 1% at most so many, doubled until light changes by less than that share of itself [default: 1, with --noise 1% 64]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
+    pub(crate) photon_passes: Option<u32>,
+    /// Of a medium position noise: AMPLITUDE@OCTAVES, such as 0.6@3. Of any picture 1%: adds samples until so little noise is left, root mean
+    /// square, as a share of white; then --samples is the most that a pixel gets [default of it: 4096]. Both: 0.6@3,1%
     #[arg(long, value_name = "A@N", allow_hyphen_values = true)]
     pub(crate) noise: Option<Noise>,
     /// Density noise: AMPLITUDE@OCTAVES
     #[arg(long, value_name = "A@N", allow_hyphen_values = true)]
     pub(crate) density_noise: Option<NoiseAmount>,
+    /// Takes noise out of the picture of a medium, by averaging pixels that differ by noise only; from 2 samples a pixel. What --noise 1% measures is
+    /// the noise before
+    #[arg(long)]
+    pub(crate) denoise: bool,
     /// Size of the largest features of the noise [default: a thirtieth of the medium]
     #[arg(long, value_name = "LENGTH", value_parser = positive, allow_hyphen_values = true)]
     pub(crate) noise_scale: Option<f32>,
@@ -122,18 +126,12 @@ pub(crate) struct Medium {
 impl Medium {
     /// By how much noise moves the medium.
     pub(crate) fn position_noise(&self) -> Option<NoiseAmount> {
-        match self.noise {
-            Some(Noise::Position(amount)) => Some(amount),
-            Some(Noise::Most(_)) | None => None,
-        }
+        self.noise.and_then(|it| it.position)
     }
 
     /// How much noise may be left in the picture.
     pub(crate) fn most_noise(&self) -> Option<f32> {
-        match self.noise {
-            Some(Noise::Most(share)) => Some(share),
-            Some(Noise::Position(_)) | None => None,
-        }
+        self.noise.and_then(|it| it.most)
     }
 }
 

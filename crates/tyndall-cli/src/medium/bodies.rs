@@ -31,10 +31,13 @@ pub(super) fn check(medium: &Render, spheres: &[&Render]) -> Outcome<()> {
         return Ok(());
     }
     let asked = &medium.medium;
-    let of_medium = [
-        (asked.cache == CacheName::Off && asked.method != MethodName::Reference, "--cache off"),
-        (asked.show != args::Shown::Light, "--show"),
-    ];
+    let by_photons = match asked.cache {
+        _ if asked.method == MethodName::Reference => None,
+        CacheName::Photons => Some("--cache photons with --emission"),
+        CacheName::Off => Some("--cache off with --emission"),
+        CacheName::Sweeps | CacheName::Single => None,
+    };
+    let of_medium = [(asked.show != args::Shown::Light, "--show")];
     for layer in spheres {
         let look = &layer.look;
         let is_matte = matches!(look.look, LightLook::Default | LightLook::Matte);
@@ -45,10 +48,7 @@ pub(super) fn check(medium: &Render, spheres: &[&Render]) -> Outcome<()> {
             (layer.shapes.name().is_some(), layer.shapes.name().unwrap_or_default()),
             (look.aperture.is_some(), "--aperture"),
             (layer.cut.name().is_some(), "--cut"),
-            (
-                layer.medium.emission.is_some() && asked.cache == CacheName::Photons,
-                "--cache photons with --emission",
-            ),
+            (layer.medium.emission.is_some() && by_photons.is_some(), by_photons.unwrap_or_default()),
             (layer.illustrate.name().is_some(), layer.illustrate.name().unwrap_or_default()),
         ];
         let refused = of_medium.iter().chain(&of_spheres).find(|(is_given, _)| *is_given);

@@ -1,7 +1,7 @@
 //! `tyndall render --mode medium`: particles, or a density from a file, as a medium in light.
 //!
 //! The road: density (from particles or a grid file), extinction, lights, illumination cache, march, picture. What is not said is
-//! guessed from the first frame and printed; camera, extinction and lights are kept for all frames, so that nothing jumps.
+//! guessed from the first frame and printed; camera, extinction, lights and where samples lie are kept for all frames, so that nothing jumps.
 
 pub(crate) mod args;
 mod bodies;
@@ -17,12 +17,12 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use clap::ValueEnum;
-use tyndall::medium::density::{self, Volume};
+use tyndall::medium::density::{self, Resolution, Volume};
 use tyndall::medium::grid::Lattice;
 use tyndall::medium::light::{Directional, Environment};
 use tyndall::medium::{Emission, Grid, Light, Medium, Noise, NoiseSettings, Optics, Phase, automatic};
 use tyndall::particles::{Particles, Radii};
-use tyndall::render::medium::march;
+use tyndall::render::medium::{cache, march};
 use tyndall::scene::automatic::{Outliers, framing_of};
 use tyndall::scene::camera::{Camera, View};
 use tyndall::scene::outline::Outline;
@@ -37,10 +37,12 @@ use self::args::{CacheName, MethodName, OpticsName};
 use self::emission::{EmissionSpec, Source, Values};
 use self::looks::MediumLook;
 use crate::args::{Picture, Render};
+use crate::device::Goal;
 use crate::layers::{self, Layer};
 use crate::looks::LightLook;
 use crate::names::Numbers;
 use crate::output::{Output, Pattern};
+use crate::render::MOST_SAMPLES;
 use crate::report::{Failure, Outcome, Report, counted, seconds};
 use crate::shot::Taken;
 use crate::sources::{self, Sources};
@@ -83,8 +85,13 @@ struct Scene {
     noise: Option<NoiseSettings>,
     camera: Camera,
     outline: Outline,
-    /// The particles' origin, from which the medium is measured.
+    /// The origin of the first frame's particles, from which the media of all frames are measured.
     origin: DVec3,
+    /// Where the samples of the density lie, and the longest smoothing length.
+    lattice: Lattice,
+    length: Option<f32>,
+    /// Where the samples of the cache lie.
+    cache: cache::Settings,
     /// Of layers of spheres.
     layers: Vec<sources::Kept>,
     /// What was chosen, piece by piece.
@@ -107,6 +114,8 @@ struct Facts<'a> {
 struct Content<'a> {
     /// Those of which the density is.
     particles: Option<&'a Particles>,
+    /// Their longest smoothing length.
+    length: Option<f32>,
     bodies: Option<&'a Bodies>,
 }
 
@@ -127,13 +136,17 @@ impl Job<'_> {
             let text = "--method reference knows no noise — leave out --noise and --density-noise";
             return Err(Failure::Usage(text.into()));
         }
-        let refined = [
-            ("--noise with %", self.args.medium.most_noise().is_some()),
-            ("--time", self.args.picture.time.is_some()),
-            ("--aperture", self.args.look.aperture.is_some()),
-        ];
-        if let Some((name, _)) = refined.iter().find(|(_, is_given)| *is_given) {
-            return Err(Failure::Usage(format!("{name} is for spheres — leave it out with --mode medium")));
+        if self.args.look.aperture.is_some() {
+            return Err(Failure::Usage("--aperture is for spheres — leave it out with --mode medium".into()));
+        }
+        let of_light = self.goal().name().or(self.args.medium.denoise.then_some("--denoise"));
+        if let Some(name) = of_light.filter(|_| self.args.medium.show != args::Shown::Light) {
+            let text = format!("{name} is for pictures of light — leave it out, or --show");
+            return Err(Failure::Usage(text));
+        }
+        if self.args.medium.denoise && self.settings().samples == 1 {
+            let allowed = "at least 2 with --denoise: noise is what differs between samples";
+            return Err(Error::setting("--samples", 1, allowed).into());
         }
         self.args.illustrate.refuse("--mode medium")?;
         self.args.cut.refuse("--mode medium")?;
@@ -223,41 +236,57 @@ impl Job<'_> {
         let own = |number: usize| number.min(sequence.len() - 1);
         frames.iter_mut().for_each(|number| *number = own(*number));
         let done = ahead::reading(&sequence, &frames, self.args.method.memory, |ahead| {
-            plan::each_frame(&pictures, skips, self.report, |number, wanted, kept, written| {
-                let own = own(number);
-                let frame = input::read_ahead((&sequence, ahead), own, &self.args.input, self.report)?;
-                let (particles, share) = selection::keep(&self.args.selection, frame.particles)?;
-                let (particles, emitting) = self.emission_spec().prepare(particles)?;
-                let mut density = self.density(&particles, emitting)?;
-                if let Some(statistics) = &statistics {
-                    let text = statistics::json(&particles, &self.density_settings(None), &density);
-                    let path = statistics.name(number);
-                    write::atomically(&path, |file| file.write_all(text.as_bytes()))
-                        .map_err(Failure::Output)?;
-                }
-                let mut guesses = self.described(&particles, &density);
-                guesses.extend(share);
-                let values = density.fields.pop().map(Values::Means);
-                let bodies = self.bodies(number, particles.positions().origin(), kept.as_ref())?;
-                let content = Content { particles: Some(&particles), bodies: bodies.as_ref() };
-                let (medium, scene) = self.scene((density.density, values), content, kept.as_ref())?;
-                guesses.extend(scene.guesses.clone());
-                if kept.is_none() {
-                    self.report.note(format_args!("tyndall: {}", guesses.join(" · ")));
-                }
-                let time = particles.time();
-                let metadata =
-                    metadata::of_frame(self.args, &sequence, own, time, &self.spheres_settings(), &guesses);
-                let facts = Facts {
-                    frame: number,
-                    time: (time, particles.time_unit()),
-                    length_unit: particles.length_unit(),
-                    cell: particles.cell().copied(),
-                    metadata: &metadata,
-                    bodies: bodies.as_ref(),
-                };
-                self.pictures(&medium, kept.insert(scene), wanted, &facts, (&mut output, written))
-            })
+            plan::each_frame(
+                &pictures,
+                skips,
+                self.report,
+                |number, wanted, kept: &mut Option<Scene>, written| {
+                    let own = own(number);
+                    let frame = input::read_ahead((&sequence, ahead), own, &self.args.input, self.report)?;
+                    let (particles, share) = selection::keep(&self.args.selection, frame.particles)?;
+                    let particles = match kept.as_ref() {
+                        Some(scene) => particles.measured_from(scene.origin),
+                        None => particles,
+                    };
+                    let (particles, emitting) = self.emission_spec().prepare(particles)?;
+                    let mut density = self.density(&particles, emitting, kept.as_ref())?;
+                    if let Some(statistics) = &statistics {
+                        let text = statistics::json(&particles, &self.density_settings(None), &density);
+                        let path = statistics.name(number);
+                        write::atomically(&path, |file| file.write_all(text.as_bytes()))
+                            .map_err(Failure::Output)?;
+                    }
+                    let mut guesses = self.described(&particles, &density);
+                    guesses.extend(share);
+                    let values = density.fields.pop().map(Values::Means);
+                    let bodies = self.bodies(number, particles.positions().origin(), kept.as_ref())?;
+                    let length = density.length;
+                    let content = Content { particles: Some(&particles), length, bodies: bodies.as_ref() };
+                    let (medium, scene) = self.scene((density.density, values), content, kept.as_ref())?;
+                    guesses.extend(scene.guesses.clone());
+                    if kept.is_none() {
+                        self.report.note(format_args!("tyndall: {}", guesses.join(" · ")));
+                    }
+                    let time = particles.time();
+                    let metadata = metadata::of_frame(
+                        self.args,
+                        &sequence,
+                        own,
+                        time,
+                        &self.spheres_settings(),
+                        &guesses,
+                    );
+                    let facts = Facts {
+                        frame: number,
+                        time: (time, particles.time_unit()),
+                        length_unit: particles.length_unit(),
+                        cell: particles.cell().copied(),
+                        metadata: &metadata,
+                        bodies: bodies.as_ref(),
+                    };
+                    self.pictures(&medium, kept.insert(scene), wanted, &facts, (&mut output, written))
+                },
+            )
         });
         output.finish(done)
     }
@@ -294,7 +323,7 @@ impl Job<'_> {
             let values = spec.grid().map(|array| load(own, Some(array)).1).transpose()?;
             let values = values.map(|it| Values::Own(it.grid));
             let bodies = self.bodies(number, DVec3::ZERO, kept.as_ref())?;
-            let content = Content { particles: None, bodies: bodies.as_ref() };
+            let content = Content { particles: None, length: None, bodies: bodies.as_ref() };
             let (medium, scene) = self.scene((grid, values), content, kept.as_ref())?;
             let mut guesses = vec![format!("medium, cpu {} threads", rayon::current_num_threads())];
             guesses.extend(conventions);
@@ -408,6 +437,11 @@ impl Job<'_> {
         EmissionSpec::of(self.args)
     }
 
+    /// Until when samples are added, if that is asked for.
+    fn goal(&self) -> Goal {
+        Goal { noise: self.args.medium.most_noise(), time: self.args.picture.time }
+    }
+
     fn settings(&self) -> march::Settings {
         let Picture { samples, seed, .. } = &self.args.picture;
         let [width, height] = self.args.picture.pixels();
@@ -415,6 +449,7 @@ impl Job<'_> {
             width,
             height,
             samples: samples.unwrap_or(match self.spheres.is_empty() {
+                _ if self.goal().is_given() => MOST_SAMPLES,
                 true => march::Settings::default().samples,
                 false => SAMPLES_WITH_BODIES,
             }),
@@ -468,9 +503,13 @@ impl Job<'_> {
         density::Settings { fields: field.into_iter().collect(), ..settings }
     }
 
-    /// From particles to their density, and a field beside it.
-    fn density(&self, particles: &Particles, field: Option<String>) -> Outcome<Volume> {
-        let settings = self.density_settings(field);
+    /// From particles to their density, and a field beside it; after the first frame as there.
+    fn density(&self, particles: &Particles, field: Option<String>, kept: Option<&Scene>) -> Outcome<Volume> {
+        let mut settings = self.density_settings(field);
+        if let Some(scene) = kept {
+            settings.resolution = Resolution::Continued(scene.lattice);
+            settings.length = scene.length.or(settings.length);
+        }
         let start = Instant::now();
         let volume = density::estimate(particles, &settings, self.report.progress())?;
         self.report.detail(format_args!("density: {}", seconds(start.elapsed().as_secs_f64())));
@@ -512,7 +551,7 @@ impl Job<'_> {
         content: Content,
         kept: Option<&Scene>,
     ) -> Outcome<(Medium, Scene)> {
-        let Content { particles, bodies } = content;
+        let Content { particles, length, bodies } = content;
         let args = &self.args.medium;
         let origin = particles.map_or(DVec3::ZERO, |it| it.positions().origin());
         if grid.max() <= 0.0 {
@@ -523,7 +562,7 @@ impl Job<'_> {
             return Err(Failure::Unseen(text.into()));
         }
         if let Some(scene) = kept {
-            let scene = Scene { origin, ..scene.clone() };
+            let scene = scene.clone();
             let emission = scene.source.as_ref().map(|it| it.emission(self.args, &grid, values.as_ref()));
             return Ok((self.medium(grid, scene.extinction, emission.transpose()?)?, scene));
         }
@@ -562,6 +601,8 @@ impl Job<'_> {
         let emission =
             source.as_ref().map(|it| it.emission(self.args, &grid, values.as_ref())).transpose()?;
         let medium = self.medium(grid, extinction, emission)?;
+        let lattice = medium.density().lattice();
+        let cache = cache::Settings { spacing: args.cache_voxel, ..cache::Settings::default() }.kept(&medium);
 
         let viewpoint = render::viewpoint(self.args)?;
         let (outline, framed) = self.outline(&medium, particles);
@@ -598,9 +639,24 @@ impl Job<'_> {
             (_, CacheName::Off) => "no cache".into(),
         });
         let framing = if viewpoint.eye.is_some() { "camera given".into() } else { framed };
-        guesses.extend([framing, format!("{width}x{height}, {samples} samples")]);
+        let most = if self.goal().is_given() { "at most " } else { "" };
+        guesses.extend([framing, format!("{width}x{height}, {most}{samples} samples")]);
+        guesses.extend(args.denoise.then(|| "denoised".into()));
         let layers = bodies.map_or(Vec::new(), |bodies| bodies.kept.clone());
-        let scene = Scene { extinction, lights, source, noise, camera, outline, origin, layers, guesses };
+        let scene = Scene {
+            extinction,
+            lights,
+            source,
+            noise,
+            camera,
+            outline,
+            origin,
+            lattice,
+            length,
+            cache,
+            layers,
+            guesses,
+        };
         Ok((medium, scene))
     }
 

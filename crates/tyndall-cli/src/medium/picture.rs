@@ -5,21 +5,26 @@ use std::time::Instant;
 use tyndall::Image;
 use tyndall::medium::{Medium, Noise};
 use tyndall::render::medium::brute::BruteForce;
-use tyndall::render::medium::cache::{self, Cache, Multiple};
+use tyndall::render::medium::cache::{self, Cache, Gathered, Multiple};
 use tyndall::render::medium::gather::PhotonMap;
 use tyndall::render::medium::march::{self, Illumination, March, Pixel};
 use tyndall::render::medium::photons::{self, Photons, Stored};
 use tyndall::render::medium::reference::{self, Reference};
+use tyndall::render::medium::refine::Goal;
 use tyndall::render::medium::solids::Solids;
-use tyndall::render::medium::{Backdrop, picture, show};
+use tyndall::render::medium::{Backdrop, Showing, picture, show};
 use tyndall::scene::camera::View;
 
 use super::args::{CacheName, MethodName, Shown};
 use super::bodies::Bodies;
 use super::{Job, Scene};
+use crate::device;
 use crate::layers::{Channels, Layer};
 use crate::report::{Failure, Outcome, bytes, counted, seconds};
 use crate::values::Background;
+
+/// The most passes of photons where noise decides, if nothing is said.
+const MOST_PASSES: u32 = 64;
 
 /// A medium in its light.
 pub(super) struct Renderer<'a> {
@@ -51,28 +56,36 @@ impl<'a> Renderer<'a> {
         let noise = scene.noise.map(Noise::new).transpose()?;
         let start = Instant::now();
         let args = &job.args.medium;
+        let most_noise = args.most_noise();
         let light = match (args.show, args.method, args.cache) {
             (Shown::Density, ..) | (Shown::Light, MethodName::Reference, _) => Found::Nothing,
-            (Shown::Photons, ..) => Found::Photons(Self::photons(job, medium, scene, Stored::All)?),
+            (Shown::Photons, ..) => Found::Photons(Self::photons(job, (medium, None), scene, Stored::All)?),
             (_, _, CacheName::Off) => {
-                let photons = Self::photons(job, medium, scene, Stored::Multiple)?;
+                let photons = Self::photons(job, (medium, solids), scene, Stored::Multiple)?;
                 let map = PhotonMap::new(medium, &photons, args.gather_radius.0)?;
-                Found::BruteForce(BruteForce::new(medium, &scene.lights, map))
+                let brute = BruteForce::new(medium, &scene.lights, map);
+                Found::BruteForce(match solids {
+                    Some(solids) => brute.with_solids(solids),
+                    None => brute,
+                })
             }
             (_, _, name) => {
                 let multiple = match name {
                     CacheName::Photons => Multiple::Photons(
                         Self::photon_settings(job, Stored::Multiple),
                         args.gather_radius.0,
-                        args.photon_passes,
+                        args.photon_passes.unwrap_or(if most_noise.is_some() { MOST_PASSES } else { 1 }),
                     ),
                     CacheName::Single => Multiple::None,
                     CacheName::Sweeps | CacheName::Off => Multiple::Sweeps,
                 };
-                let settings =
-                    cache::Settings { spacing: args.cache_voxel, multiple, ..cache::Settings::default() };
+                let settings = cache::Settings { multiple, photon_noise: most_noise, ..scene.cache };
                 let cache = Cache::around(medium, &scene.lights, solids, &settings, job.report.progress())?;
                 job.report.detail(format_args!("cache: {}", bytes(cache.bytes())));
+                if let Some(Gathered { passes, change }) = cache.gathered().filter(|_| most_noise.is_some()) {
+                    let change = 100.0 * change;
+                    job.report.note(format_args!("photons: {passes} passes, light changed by {change:.2} %"));
+                }
                 Found::Cache(cache)
             }
         };
@@ -91,10 +104,16 @@ impl<'a> Renderer<'a> {
         }
     }
 
-    fn photons(job: &Job, medium: &Medium, scene: &Scene, stored: Stored) -> Outcome<Photons> {
+    fn photons(
+        job: &Job,
+        (medium, solids): (&Medium, Option<Solids>),
+        scene: &Scene,
+        stored: Stored,
+    ) -> Outcome<Photons> {
         let start = Instant::now();
         let settings = Self::photon_settings(job, stored);
-        let photons = photons::trace(medium, &scene.lights, &settings, job.report.progress())?;
+        let progress = job.report.progress();
+        let photons = photons::trace_around(medium, &scene.lights, solids, &settings, progress)?;
         job.report.detail(format_args!(
             "photons: {} emitted, {} stored, {}",
             counted(photons.emitted as usize, "photon"),
@@ -144,6 +163,11 @@ impl<'a> Renderer<'a> {
                 "nothing of the medium is in the picture — where does the camera look? (--look-at, --eye)";
             return Err(Failure::Unseen(text.into()));
         }
+        Ok((picture(&pixels, width, self.showing()), pixels))
+    }
+
+    /// How the picture is shown.
+    fn showing(&self) -> Showing {
         let backdrop = match self.job.background() {
             Background::Nothing => Backdrop::Nothing,
             Background::Color(color) => Backdrop::Color(color),
@@ -153,7 +177,14 @@ impl<'a> Renderer<'a> {
             Shown::Light => self.job.args.medium.exposure.exp2(),
             _ => 1.0,
         };
-        Ok((picture(&pixels, width, backdrop, exposure), pixels))
+        Showing { backdrop, exposure }
+    }
+
+    /// When the picture has samples enough, if it gets them as they are needed.
+    fn goal(&self) -> Option<Goal> {
+        let (asked, samples) = (self.job.goal(), self.job.settings().samples);
+        let noise = asked.noise.unwrap_or(0.0);
+        asked.is_given().then(|| Goal { noise, samples, showing: self.showing() })
     }
 
     fn march(&self, view: &View, light: Illumination) -> Outcome<Vec<Pixel>> {
@@ -165,12 +196,20 @@ impl<'a> Renderer<'a> {
         if let Some(solids) = self.solids {
             march = march.with_solids(solids);
         }
-        let progress = self.job.report.progress();
-        tyndall::Progress::begin(progress, "march", Some(work(&settings)), "samples");
-        while !march.is_done() {
-            march.pass(progress)?;
+        if self.job.args.medium.denoise {
+            march = march.with_halves();
         }
-        Ok(march.pixels())
+        let progress = self.job.report.progress();
+        if let Some(goal) = self.goal() {
+            tyndall::Progress::begin(progress, "march", None, "samples");
+            device::tell(march.refine(&goal, &mut self.job.goal().is_late(), progress)?, self.job.report);
+        } else {
+            tyndall::Progress::begin(progress, "march", Some(work(&settings)), "samples");
+            while !march.is_done() {
+                march.pass(progress)?;
+            }
+        }
+        Ok(self.denoised(|| march.denoised()).unwrap_or_else(|| march.pixels()))
     }
 
     fn reference(&self, view: &View) -> Outcome<Vec<Pixel>> {
@@ -182,12 +221,37 @@ impl<'a> Renderer<'a> {
         if let Some(solids) = self.solids {
             reference = reference.with_solids(solids);
         }
-        let progress = self.job.report.progress();
-        tyndall::Progress::begin(progress, "trace", Some(work(&settings)), "samples");
-        while reference.samples_done() < samples {
-            reference.pass((samples - reference.samples_done()).min(16), progress)?;
+        if self.job.args.medium.denoise {
+            reference = reference.with_halves();
         }
-        Ok(reference.pixels().into_iter().map(Pixel::from).collect())
+        let progress = self.job.report.progress();
+        if let Some(goal) = self.goal() {
+            tyndall::Progress::begin(progress, "trace", None, "samples");
+            let quality = reference.refine(&goal, &mut self.job.goal().is_late(), progress)?;
+            device::tell(quality, self.job.report);
+        } else {
+            tyndall::Progress::begin(progress, "trace", Some(work(&settings)), "samples");
+            while reference.samples_done() < samples {
+                reference.pass((samples - reference.samples_done()).min(16), progress)?;
+            }
+        }
+        Ok(self.denoised(|| reference.denoised()).unwrap_or_else(|| reference.pixels()))
+    }
+
+    /// The pixels with less noise, if that is asked for and can be.
+    fn denoised(&self, pixels: impl FnOnce() -> Option<Vec<Pixel>>) -> Option<Vec<Pixel>> {
+        if !self.job.args.medium.denoise {
+            return None;
+        }
+        let start = Instant::now();
+        let pixels = pixels();
+        match &pixels {
+            Some(_) => {
+                self.job.report.detail(format_args!("denoised: {}", seconds(start.elapsed().as_secs_f64())));
+            }
+            None => self.job.report.note(format_args!("note: not denoised, a single sample tells no noise")),
+        }
+        pixels
     }
 }
 

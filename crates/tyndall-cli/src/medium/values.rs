@@ -79,28 +79,36 @@ impl FromStr for NoiseAmount {
     }
 }
 
-/// What `--noise` is about: how far noise moves a medium, or how much noise may be left in a picture of spheres.
+/// What `--noise` is about: how far noise moves a medium, as `0.6@3`, how much noise may be left in a picture, as `1%`, or both, as `0.6@3,1%`.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) enum Noise {
+pub(crate) struct Noise {
     /// Position noise.
-    Position(NoiseAmount),
-    /// A share of white, as `1%`.
-    Most(f32),
+    pub(crate) position: Option<NoiseAmount>,
+    /// A share of white.
+    pub(crate) most: Option<f32>,
 }
 
 impl FromStr for Noise {
     type Err = Error;
 
     fn from_str(text: &str) -> Result<Self> {
-        match text.strip_suffix('%') {
-            None => text.parse().map(Self::Position),
-            Some(digits) => {
-                let share = digits.trim().parse().ok().map(|it: f32| 0.01 * it);
-                let allowed = "more than 0% and less than 100%, or AMPLITUDE@OCTAVES of a medium";
-                let share = share.filter(|it| *it > 0.0 && *it < 1.0);
-                share.map(Self::Most).ok_or_else(|| Error::setting("--noise", text, allowed))
+        let mut noise = Self { position: None, most: None };
+        for part in text.split(',') {
+            let is_twice = match part.strip_suffix('%') {
+                None => noise.position.replace(part.parse()?).is_some(),
+                Some(digits) => {
+                    let share = digits.trim().parse().ok().map(|it: f32| 0.01 * it);
+                    let allowed = "more than 0% and less than 100%, or AMPLITUDE@OCTAVES of a medium";
+                    let share = share.filter(|it| *it > 0.0 && *it < 1.0);
+                    let share = share.ok_or_else(|| Error::setting("--noise", part, allowed))?;
+                    noise.most.replace(share).is_some()
+                }
+            };
+            if is_twice {
+                return Err(Error::setting("--noise", text, "one of each kind, such as 0.6@3,1%"));
             }
         }
+        Ok(noise)
     }
 }
 
@@ -241,7 +249,11 @@ mod tests {
         assert_eq!("1,2,3".parse::<Rgb>().unwrap(), Rgb([1.0, 2.0, 3.0]));
         assert_eq!("0.6@3oct".parse::<NoiseAmount>().unwrap(), NoiseAmount { amplitude: 0.6, octaves: 3 });
         assert_eq!("1".parse::<NoiseAmount>().unwrap(), NoiseAmount { amplitude: 1.0, octaves: 1 });
-        assert_eq!("2%".parse::<Noise>().unwrap(), Noise::Most(0.02));
+        let amount = NoiseAmount { amplitude: 0.6, octaves: 3 };
+        let noise = |text: &str| text.parse::<Noise>().unwrap();
+        assert_eq!(noise("2%"), Noise { position: None, most: Some(0.02) });
+        assert_eq!(noise("0.6@3"), Noise { position: Some(amount), most: None });
+        assert_eq!(noise("2%,0.6@3"), Noise { position: Some(amount), most: Some(0.02) });
         assert_eq!("50@1.5".parse::<Gather>().unwrap(), Gather(Radius::Nearest(50, 1.5)));
         assert_eq!("auto".parse::<Gather>().unwrap(), Gather(Radius::Automatic));
         assert_eq!("sky:0.25".parse::<LightSpec>().unwrap(), LightSpec::Sky([0.25; 3]));
@@ -260,7 +272,11 @@ mod tests {
     fn what_makes_no_sense_is_refused() {
         assert!(["", "1,2", "x", "1,2,3,4"].iter().all(|bad| bad.parse::<Rgb>().is_err()));
         assert!(["", "a@2", "1@", "1@-2"].iter().all(|bad| bad.parse::<Noise>().is_err()));
-        assert!(["0%", "100%", "-1%", "nan%", "%"].iter().all(|bad| bad.parse::<Noise>().is_err()));
+        assert!(
+            ["0%", "100%", "-1%", "nan%", "%", "1%,2%", "1,2", "1%,"]
+                .iter()
+                .all(|bad| bad.parse::<Noise>().is_err())
+        );
         assert!(["0", "-1", "0@1", "5@0", "x"].iter().all(|bad| bad.parse::<Gather>().is_err()));
         assert!(
             ["sun", "moon:1", "sky:1:2", "point:1,2,3", "image:"]

@@ -76,7 +76,7 @@ pub(crate) fn run(args: &args::Render, report: &Report) -> Outcome<()> {
 }
 
 /// The most samples of a pixel where noise or time decides, if nothing is said.
-const MOST_SAMPLES: u32 = 4096;
+pub(crate) const MOST_SAMPLES: u32 = 4096;
 
 /// Samples of a pixel where light is traced, if nothing is said: the default look of 10^6 particles has less than 1 % of noise then.
 const LIT_SAMPLES: u32 = 128;
@@ -124,9 +124,12 @@ impl<'a> Job<'a> {
         let args::Picture { samples, seed, background, .. } = &args.picture;
         let [width, height] = args.picture.pixels();
         let goal = Goal { noise: args.medium.most_noise(), time: args.picture.time };
-        if args.medium.noise.is_some() && goal.noise.is_none() {
+        if args.medium.position_noise().is_some() {
             let text = "position noise is for --mode medium; of spheres --noise 1% is how much may be left";
             return Err(Failure::Usage(text.into()));
+        }
+        if args.medium.denoise {
+            return Err(Failure::Usage("--denoise is for --mode medium; of spheres take --noise 1%".into()));
         }
         let most = match args.look.drawn() {
             _ if goal.is_given() => MOST_SAMPLES,

@@ -102,10 +102,13 @@ fn spheres_stand_in_smoke_whichever_is_named_first() {
     assert!(pixels(&folder, "a.png") == pixels(&folder, "b.png"));
     render(&format!("{smoke} --mode medium --method reference"), "a.xyz --radius 0.3", "c.png").fine();
 
+    let brute = format!("{smoke} --mode medium --cache off --photons 1000 --samples 1");
+    render(&brute, "a.xyz --radius 0.3", "e.png").fine();
+
     let refused = |words: &str, layer: &str, parts: &[&str]| render(words, layer, "d.png").fails(2, parts);
     refused("a.xyz --look metal", &format!("{smoke} --look smoke"), &["a --look other than matte", "medium"]);
     refused(&format!("{smoke} --mode medium"), &format!("{smoke} --look fire"), &["one layer", "medium"]);
-    refused(&format!("{smoke} --mode medium --cache off"), "a.xyz", &["--cache off", "spheres and a medium"]);
+    refused(&format!("{smoke} --mode medium --show density"), "a.xyz", &["--show", "spheres and a medium"]);
     refused("a.xyz --mode project", "a.xyz", &["map of numbers has no layers"]);
 }
 

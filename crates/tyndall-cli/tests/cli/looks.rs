@@ -101,8 +101,10 @@ fn what_a_look_has_not_is_refused() {
         ("--noise 0.6@3", ["position noise", "--noise 1%"]),
         ("--noise 0%", ["--noise", "more than 0%"]),
         ("--time soon", ["--time", "30s"]),
-        ("--mode medium --noise 1%", ["--noise", "for spheres"]),
-        ("--mode medium --time 1s", ["--time", "for spheres"]),
+        ("--noise 0.6@3,1%", ["position noise", "--noise 1%"]),
+        ("--denoise", ["--denoise", "--mode medium"]),
+        ("--noise 1%,2%", ["--noise", "one of each kind"]),
+        ("--mode medium --show density --noise 1%", ["--noise", "pictures of light"]),
     ] {
         folder.render(&format!("a.xyz -o a.png {words}")).fails(2, &parts);
     }

@@ -74,11 +74,119 @@ fn what_is_shown_and_how_it_is_made_can_be_chosen() {
 }
 
 #[test]
+fn samples_are_added_until_the_noise_or_the_time_is_reached() {
+    let folder = Folder::new();
+    let reached = |words: &str| {
+        let said = folder.line(&format!("render --size 48x32 {CLOUD} -o a.exr {words}")).fine();
+        let line = said.lines().find(|line| line.starts_with("noise ")).unwrap().to_string();
+        let word = |place: usize| line.split_whitespace().nth(place).unwrap().parse::<f32>();
+        (word(1).unwrap_or(f32::INFINITY), word(3).unwrap_or(0.0), line.clone())
+    };
+    for (words, most) in [("--noise 0.2@2,0.5%", 0.5), ("--method path --noise 4%", 4.0)] {
+        let (noise, least, line) = reached(words);
+        assert!(noise > 0.0 && noise <= most && least >= 8.0, "{words}: {line}");
+    }
+    let (noise, _, line) = reached("--noise 0.0001% --samples 8");
+    assert!(noise.is_finite() && line.contains("8 to 8 samples"), "{line}");
+    let said = folder.render(&format!("{CLOUD} -o a.exr --cache photons --photons 3000 --noise 20%")).fine();
+    let passes = said.lines().find(|line| line.starts_with("photons: ")).unwrap();
+    let passes: u32 = passes.split_whitespace().nth(1).unwrap().parse().unwrap();
+    assert!((2..=64).contains(&passes), "{said}");
+    assert!(reached("--method path --time 0.000001s").2.contains("noise unknown, 1 to 1 samples"));
+}
+
+#[test]
+fn a_denoised_picture_is_smoother_and_as_bright() {
+    let folder = Folder::new();
+    let roughness = |name: &str| {
+        let (pixels, ..) = png(&folder.path(name));
+        let value = |place: usize| f64::from(pixels[3 * place]);
+        (0..48 * 32 - 2).map(|it| (value(it) - 2.0 * value(it + 1) + value(it + 2)).abs()).sum::<f64>()
+    };
+    let near = format!("{CLOUD} --eye 14,8,30 --look-at 12,8,0 --fov 6 --method path");
+    folder.render(&format!("{near} -o noisy.png")).fine();
+    let said = folder.render(&format!("{near} -o smooth.png --denoise -v")).fine();
+    assert!(said.contains("denoised:"), "{said}");
+    let (noisy, smooth) = (roughness("noisy.png"), roughness("smooth.png"));
+    assert!(noisy > 1.5 * smooth, "{noisy} {smooth}");
+    let (noisy, smooth) = (brightness(&folder, "noisy.png"), brightness(&folder, "smooth.png"));
+    assert!((smooth / noisy - 1.0).abs() < 0.03, "{noisy} {smooth}");
+    let text = folder.render(&format!("{near} -o a.png --denoise --time 0.000001s")).fine();
+    assert!(text.contains("not denoised"), "{text}");
+    folder.render(&format!("{near} -o a.png --denoise --samples 1")).fails(2, &["--samples", "at least 2"]);
+    folder.render(&format!("{CLOUD} -o a.png --denoise --show density")).fails(2, &["--denoise", "of light"]);
+}
+
+#[test]
 fn an_orbit_lights_the_medium_once() {
     let folder = Folder::new();
     let said = folder.render(&format!("{CLOUD} -o a.%d.png --orbit 90 --frame-count 3 -v")).fine();
     assert_eq!(said.matches("light:").count(), 1, "{said}");
     assert_eq!(folder.names(), ["a.0.png", "a.1.png", "a.2.png"]);
+}
+
+/// A ball of particles around a place, as a file of its own.
+fn ball(x: f64) -> String {
+    let place = |number: u32| {
+        let share = |of: f64| (f64::from(number) * of).fract() - 0.5;
+        [share(0.754_877_666), share(0.569_840_291), share(0.381_966_011)]
+    };
+    let inside = (0..1500).map(place).filter(|it| it.iter().map(|it| it * it).sum::<f64>() < 0.25);
+    let lines: Vec<String> =
+        inside.map(|[a, b, c]| format!("A {} {} {}\n", 4.0 * a + x, 4.0 * b, 4.0 * c)).collect();
+    format!("{}\n\n{}", lines.len(), lines.concat())
+}
+
+#[test]
+fn frames_of_what_stands_still_are_one_picture() {
+    let folder = Folder::new();
+    folder.file("a.0.xyz", ball(0.3));
+    folder.file("a.1.xyz", ball(0.3));
+    for words in [
+        "",
+        "--cache photons --photons 3000",
+        "--noise 0.5@3,2% --density-noise 0.3@2",
+        "--method path --samples 4 --denoise",
+    ] {
+        folder.render(&format!("a.#.xyz --mode medium --grid 16 {words} -o b.%d.png")).fine();
+        let pixels = |number: u32| png(&folder.path(&format!("b.{number}.png"))).0;
+        assert!(pixels(0).iter().any(|&it| it > 60), "{words}");
+        assert_eq!(pixels(0), pixels(1), "{words}");
+    }
+}
+
+#[test]
+fn brightness_does_not_jump_where_a_particle_strays() {
+    let folder = Folder::new();
+    for number in 0..3 {
+        let strayed = format!("A {} 0 0\n", 3.0 + 0.7 * f64::from(number));
+        let ball = ball(0.0);
+        let (count, lines) = ball.split_once("\n\n").unwrap();
+        let count = count.parse::<u32>().unwrap() + 1;
+        let name = format!("a.{number}.xyz");
+        folder.file(&name, format!("{count}\n\n{lines}{strayed}"));
+    }
+    let words = "--mode medium --grid 14 --eye 1,-20,4 --look-at 0,0,0";
+    folder.render(&format!("a.#.xyz {words} -o b.%d.png")).fine();
+    let all = [0, 1, 2].map(|number| brightness(&folder, &format!("b.{number}.png")));
+    assert!(all[0] > 1.0 && all.iter().all(|it| (it / all[0] - 1.0).abs() < 0.005), "{all:?}");
+}
+
+#[test]
+fn lights_and_noise_stay_where_they_are_while_particles_move() {
+    let folder = Folder::new();
+    folder.file("a.0.xyz", ball(0.0));
+    folder.file("a.1.xyz", ball(5.0));
+    // What is guessed on the first frame is given, so that the second one is the same by itself.
+    let words = "--mode medium --voxel 0.25 --h0 1 --extinction 0.05 --eye 2,-20,4 --look-at 2,0,0 \
+        --light point:2.5,-3,2:9 --density-noise 0.9@1 --noise-scale 1.5";
+    folder.render(&format!("a.#.xyz {words} -o b.%d.png")).fine();
+    folder.render(&format!("a.1.xyz {words} -o alone.png")).fine();
+    let (together, alone) = (png(&folder.path("b.1.png")).0, png(&folder.path("alone.png")).0);
+    let difference: f64 =
+        together.iter().zip(&alone).map(|(a, b)| (f64::from(*a) - f64::from(*b)).abs()).sum();
+    let mean: f64 = alone.iter().map(|&it| f64::from(it)).sum();
+    assert!(mean > 0.0 && difference < 0.05 * mean, "{difference} of {mean}");
 }
 
 const SMOKE: &str = "synthetic:smoke?n=3000 --mode medium --grid 16 --up 0,1,0";

@@ -20,6 +20,46 @@ pub struct Quality {
 /// Samples of the first round.
 const FIRST: u32 = 16;
 
+/// A linear mean as it is shown.
+pub(crate) fn shown(linear: [f32; 3]) -> [f32; 3] {
+    linear.map(|channel| channel.clamp(0.0, 1.0).sqrt())
+}
+
+/// A part of a picture a round ago.
+#[derive(Clone, Debug)]
+pub(crate) struct Earlier {
+    /// As it is shown; none before the first round.
+    shown: Vec<[f32; 3]>,
+    /// Mean square of the change in the last round; infinite before the second one.
+    pub(crate) change_sq: f32,
+}
+
+impl Earlier {
+    /// Before the first round.
+    pub(crate) const NONE: Self = Self { shown: Vec::new(), change_sq: f32::INFINITY };
+
+    /// Takes the part as it is `shown` after a round, in which the pixels that `counts` names count. Whether it has changed by less than `noise`.
+    pub(crate) fn settle(
+        &mut self,
+        shown: Vec<[f32; 3]>,
+        noise: f32,
+        counts: impl Fn(usize) -> bool,
+    ) -> bool {
+        if !self.shown.is_empty() {
+            let mut sum = 0.0_f32;
+            let mut count = 0;
+            for pixel in (0..shown.len()).filter(|&pixel| counts(pixel)) {
+                let [now, before] = [shown[pixel], self.shown[pixel]];
+                sum += now.iter().zip(before).map(|(now, before)| (now - before).powi(2)).sum::<f32>();
+                count += 3;
+            }
+            self.change_sq = sum / count.max(1) as f32;
+        }
+        self.shown = shown;
+        self.change_sq < noise * noise
+    }
+}
+
 impl Renderer<'_> {
     /// Adds samples until no film tile has more than this noise, every pixel has all samples of the settings, or `is_late` says so, which is asked
     /// after each pass. Fails with [`Error::Setting`] with culling by confidence, and when interrupted, as [`Renderer::pass`] does.

@@ -86,7 +86,7 @@ pub(crate) struct Film {
     /// Whether what samples meet is all that is wanted: nothing is lit.
     pub(super) is_unlit: bool,
     /// By film tile what it was a round ago, where noise is measured.
-    earlier: Vec<settling::Earlier>,
+    earlier: Vec<super::refine::Earlier>,
 }
 
 impl Film {

@@ -2,25 +2,14 @@
 
 use rayon::prelude::*;
 
-use super::{FILM_EDGE, FILM_PIXELS, Film, FilmTile};
-use crate::render::refine::Quality;
-
-/// A film tile a round ago.
-pub(super) struct Earlier {
-    /// As it is shown: square roots of linear means; none before the first round.
-    shown: Vec<[f32; 3]>,
-    /// Mean square of the change in the last round; infinite before the second one.
-    change_sq: f32,
-}
+use super::{FILM_EDGE, Film, FilmTile};
+use crate::render::refine::{Earlier, Quality, shown};
 
 impl FilmTile {
     /// The means of the pixels, as they are shown.
     fn shown(&self) -> Vec<[f32; 3]> {
         let scale = 1.0 / self.samples.max(1) as f32;
-        self.sum
-            .iter()
-            .map(|&[r, g, b, _]| [r, g, b].map(|sum| (scale * sum).clamp(0.0, 1.0).sqrt()))
-            .collect()
+        self.sum.iter().map(|&[r, g, b, _]| shown([r, g, b].map(|sum| scale * sum))).collect()
     }
 }
 
@@ -30,31 +19,17 @@ impl Film {
     pub(crate) fn settle(&mut self, noise: f32) -> bool {
         let window = self.window;
         if self.earlier.is_empty() {
-            let none = || Earlier { shown: Vec::new(), change_sq: f32::INFINITY };
-            self.earlier.resize_with(self.tiles.len(), none);
+            self.earlier.resize(self.tiles.len(), Earlier::NONE);
         }
-        self.tiles.par_iter_mut().zip(&mut self.earlier).for_each(|(tile, earlier)| {
-            if tile.settled {
-                return;
-            }
-            let shown = tile.shown();
-            if earlier.shown.len() == FILM_PIXELS {
+        self.tiles.par_iter_mut().zip(&mut self.earlier).filter(|(tile, _)| !tile.settled).for_each(
+            |(tile, earlier)| {
                 let is_inside = |pixel: usize| {
                     let [x, y] = [pixel % FILM_EDGE, pixel / FILM_EDGE].map(|it| it as u32);
                     window.pixels_of(tile.x + x, tile.y + y, 1) == 1
                 };
-                let mut sum = 0.0_f32;
-                let mut count = 0;
-                for pixel in (0..FILM_PIXELS).filter(|&pixel| is_inside(pixel)) {
-                    let [now, before] = [shown[pixel], earlier.shown[pixel]];
-                    sum += now.iter().zip(before).map(|(now, before)| (now - before).powi(2)).sum::<f32>();
-                    count += 3;
-                }
-                earlier.change_sq = sum / count.max(1) as f32;
-                tile.settled = earlier.change_sq < noise * noise;
-            }
-            earlier.shown = shown;
-        });
+                tile.settled = earlier.settle(tile.shown(), noise, is_inside);
+            },
+        );
         self.tiles.iter().all(|tile| tile.settled)
     }
 

@@ -8,6 +8,7 @@ use glam::Vec3;
 use super::free_path::Tracker;
 use super::gather::PhotonMap;
 use super::harmonics;
+use super::solids::Solids;
 use crate::math::Ray;
 use crate::medium::{Light, Medium};
 use crate::random::Stream;
@@ -18,13 +19,19 @@ pub struct BruteForce<'a> {
     lights: &'a [Light],
     photons: PhotonMap<'a>,
     order: usize,
+    solids: Option<Solids<'a>>,
 }
 
 impl<'a> BruteForce<'a> {
     /// Takes the lights, and photons of their second and further scatterings.
     pub fn new(medium: &'a Medium, lights: &'a [Light], photons: PhotonMap<'a>) -> Self {
         let order = harmonics::order_for(medium.optics().phase.g());
-        Self { tracker: Tracker::new(medium), lights, photons, order }
+        Self { tracker: Tracker::new(medium), lights, photons, order, solids: None }
+    }
+
+    /// The same with opaque bodies in the medium: those around which the photons were traced.
+    pub fn with_solids(self, solids: Solids<'a>) -> Self {
+        Self { solids: Some(solids), ..self }
     }
 
     /// The radiance that scattering and emission add at a point, per extinction, against `direction`.
@@ -34,6 +41,9 @@ impl<'a> BruteForce<'a> {
         for light in self.lights {
             let arrival = light.toward(at, [stream.unit(), stream.unit()]);
             let ray = Ray { origin: at, direction: arrival.toward, t_min: 0.0, t_max: arrival.distance };
+            if self.solids.is_some_and(|solids| solids.block(&ray, None)) {
+                continue;
+            }
             let share = optics.phase.evaluate(arrival.toward.dot(direction));
             sum += share * arrival.light * self.tracker.transmittance(&ray);
         }

@@ -40,6 +40,18 @@ pub struct Settings {
     pub directions: u32,
     /// How light that was scattered more than once is found.
     pub multiple: Multiple,
+    /// Passes of photons end when the light that they bring has changed by less than this share of itself, root mean square, since there were half as
+    /// many; `None`: after all passes.
+    pub photon_noise: Option<f32>,
+}
+
+/// Photons of a cache.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Gathered {
+    /// Passes of them.
+    pub passes: u32,
+    /// By which share of itself their light has changed since there were half as many, root mean square; infinite where nobody asked.
+    pub change: f32,
 }
 
 /// How light that was scattered more than once is found.
@@ -63,6 +75,7 @@ impl Default for Settings {
             anchor: None,
             directions: 64,
             multiple: Multiple::default(),
+            photon_noise: None,
         }
     }
 }
@@ -93,6 +106,7 @@ pub struct Cache {
     channels: Channels,
     /// All but the near lights at the samples of the density, where that is the same from everywhere.
     lit: Option<Lit>,
+    gathered: Option<Gathered>,
 }
 
 /// Density and light, ready for the march.
@@ -196,8 +210,8 @@ impl Cache {
     ) -> Result<Self> {
         let builder = Builder::new(medium, lights, solids, settings, progress)?;
         let direct = builder.direct();
-        let fields = builder.smooth(&direct, settings.multiple)?;
-        Ok(builder.finish(direct, fields))
+        let (fields, gathered) = builder.smooth(&direct, settings)?;
+        Ok(builder.finish(direct, fields, gathered))
     }
 
     /// Density and light as `view` sees them: without the lights that [`Cache::near`] adds.
@@ -246,6 +260,11 @@ impl Cache {
             None => 0,
         };
         4 * (direct + self.smooth.len()) as u64 + lit
+    }
+
+    /// Its photons, if light comes from some.
+    pub fn gathered(&self) -> Option<Gathered> {
+        self.gathered
     }
 
     /// Samples of the lattice of what is smooth.

@@ -14,10 +14,13 @@ use rayon::prelude::*;
 
 use super::brute::BruteForce;
 use super::cache::{Cache, Lit};
+pub use super::film::Pixel;
+use super::film::{EDGE, Film, Sums};
 use super::free_path::{FreePath, Tracker};
 use super::lights::Lights;
 use super::lit::{LitBricks, Spectrum};
 use super::packet::{self, Gathered, Matter, Paths};
+use super::refine::{Gathering, Goal, refine};
 use super::solids::{Solids, cosine_direction, thrown};
 use super::space::Space;
 use super::walk::Path;
@@ -26,6 +29,7 @@ use crate::math::{Bounds, Ray};
 use crate::medium::{Light, Medium, Noise};
 use crate::progress::Progress;
 use crate::random::Stream;
+use crate::render::refine::Quality;
 use crate::render::sampling::{Dimension, point, shuffled_point};
 use crate::render::surface::Surface;
 use crate::scene::camera::View;
@@ -51,20 +55,6 @@ impl Default for Settings {
     }
 }
 
-/// A pixel of a marched picture: means over its samples.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Pixel {
-    /// RGB radiance that the medium scatters and emits to the camera.
-    pub scattered: Vec3,
-    /// RGB radiance of the environment lights that comes through the medium.
-    pub environment: Vec3,
-    /// RGB share of what is behind the medium that comes through.
-    pub transmittance: Vec3,
-    /// Distance from the eye (orthographic: from the plane through it) at which light is scattered or absorbed, on average;
-    /// infinite where none is.
-    pub depth: f32,
-}
-
 /// Where the march takes light from.
 #[derive(Clone, Copy)]
 pub enum Illumination<'a> {
@@ -87,8 +77,7 @@ pub struct March<'a> {
     space: Space,
     view: View,
     settings: Settings,
-    sums: Vec<Sums>,
-    samples_done: u32,
+    film: Film,
 }
 
 /// Where light comes from.
@@ -98,23 +87,13 @@ enum Source<'a> {
     BruteForce(&'a BruteForce<'a>),
 }
 
-/// What the samples of a pixel add up to.
-#[derive(Clone, Copy, Debug, Default)]
-struct Sums {
-    scattered: Vec3,
-    environment: Vec3,
-    transmittance: Vec3,
-    /// Distances times what is lost there, and what is lost.
-    depth: f32,
-    lost: f32,
-}
-
 /// Paths from body to body whose throughput falls below this are ended with a chance.
 const ROULETTE: f32 = 0.25;
 /// Rays end where less than this comes through.
 pub(super) const DARK: f32 = 1e-3;
 /// Pixels along an edge of a tile.
 const TILE: usize = packet::RAYS;
+const _: () = assert!((EDGE as usize).is_multiple_of(TILE));
 
 impl<'a> March<'a> {
     /// A picture without samples yet. Fails with [`Error::Setting`] if a knob is out of range.
@@ -150,8 +129,7 @@ impl<'a> March<'a> {
             space: Space::of(medium.density()),
             view,
             settings,
-            sums: vec![Sums::default(); width as usize * height as usize],
-            samples_done: 0,
+            film: Film::new(width, height),
         })
     }
 
@@ -168,15 +146,21 @@ impl<'a> March<'a> {
         Self { solids: Some(solids), ..self }
     }
 
+    /// The same, which keeps what [`March::denoised`] needs: twice the memory.
+    pub fn with_halves(self) -> Self {
+        Self { film: self.film.with_halves(), ..self }
+    }
+
     /// Whether every pixel has all its samples.
     pub fn is_done(&self) -> bool {
-        self.samples_done >= self.settings.samples
+        self.film.samples_done >= self.settings.samples
     }
 
     /// Adds a sample to every pixel; reports `width * height` to `progress`. Fails only when interrupted; the picture is then
     /// incomplete.
     pub fn pass(&mut self, progress: &dyn Progress) -> Result<()> {
-        let mut sums = std::mem::take(&mut self.sums);
+        self.film.begin();
+        let mut sums = std::mem::take(&mut self.film.sums);
         let width = self.settings.width as usize;
         let level = Level::new();
         sums.par_chunks_mut(width * TILE).enumerate().for_each(|(band, sums)| {
@@ -186,21 +170,31 @@ impl<'a> March<'a> {
             dispatch!(level, simd => sample_band(simd, self, (band * TILE) as u32, sums));
             progress.advance(sums.len() as u64);
         });
-        self.sums = sums;
-        self.samples_done += 1;
+        self.film.sums = sums;
+        self.film.advance(1);
         if progress.cancelled() { Err(Error::Interrupted) } else { Ok(()) }
+    }
+
+    /// Adds samples until the goal, which counts in place of the samples of the settings, is reached or `is_late` says so, which is asked after each pass.
+    /// Fails as [`March::pass`] does.
+    pub fn refine(
+        &mut self,
+        goal: &Goal,
+        is_late: &mut dyn FnMut() -> bool,
+        progress: &dyn Progress,
+    ) -> Result<Quality> {
+        refine(self, goal, is_late, progress)
     }
 
     /// The means so far, row by row from the top left.
     pub fn pixels(&self) -> Vec<Pixel> {
-        let scale = 1.0 / self.samples_done.max(1) as f32;
-        let pixel = |sums: &Sums| Pixel {
-            scattered: scale * sums.scattered,
-            environment: scale * sums.environment,
-            transmittance: scale * sums.transmittance,
-            depth: if sums.lost > 0.0 { sums.depth / sums.lost } else { f32::INFINITY },
-        };
-        self.sums.iter().map(pixel).collect()
+        self.film.pixels()
+    }
+
+    /// The same with less noise in the light that is scattered, as the differences between samples tell it. `None` if pixels have a single
+    /// sample, or without [`March::with_halves`].
+    pub fn denoised(&self) -> Option<Vec<Pixel>> {
+        self.film.denoised()
     }
 
     /// Length of a step.
@@ -213,7 +207,7 @@ impl<'a> March<'a> {
     #[inline(always)]
     fn ray(&self, column: u32, row: u32) -> (Ray, f32) {
         let Settings { width, samples, seed, .. } = self.settings;
-        let (number, sample) = (row * width + column, self.samples_done);
+        let (number, sample) = (row * width + column, self.film.samples_done);
         let at = |dimension| if samples == 1 { [0.5; 2] } else { point(seed, dimension, number, sample) };
         let [x, y] = at(Dimension::Pixel);
         let [start, _] = at(Dimension::Key);
@@ -239,7 +233,7 @@ impl<'a> March<'a> {
             Source::BruteForce(brute) => {
                 let number = row * width + column;
                 let stream =
-                    Stream::new(u64::from(seed), u64::from(number) << 32 | u64::from(self.samples_done));
+                    Stream::new(u64::from(seed), u64::from(number) << 32 | u64::from(self.film.samples_done));
                 self.brute(&ray, start, brute, stream).add_to(sums, Vec3::ONE)
             }
         };
@@ -254,10 +248,8 @@ impl<'a> March<'a> {
             sums.transmittance += through;
             return;
         };
-        let seen = through.element_sum();
-        sums.depth += seen * ray.t_max;
-        sums.lost += seen;
-        if seen > 0.0 {
+        sums.add_depth(ray.t_max, through);
+        if through != Vec3::ZERO {
             sums.scattered += through * self.surface_radiance(surface, pixel);
         }
     }
@@ -266,7 +258,7 @@ impl<'a> March<'a> {
     /// medium, and ends there.
     #[inline(never)]
     fn surface_radiance(&self, surface: Surface, pixel: u32) -> Vec3 {
-        let (seed, sample) = (self.settings.seed, self.samples_done);
+        let (seed, sample) = (self.settings.seed, self.film.samples_done);
         let mut stream = Stream::new(u64::from(seed), u64::from(pixel) << 32 | u64::from(!sample));
         let mut random = shuffled_point(seed, Dimension::Sky, pixel, sample);
         let (mut surface, mut throughput, mut radiance) = (surface, Vec3::ONE, Vec3::ZERO);
@@ -453,16 +445,26 @@ impl<'a> March<'a> {
     }
 }
 
+impl Gathering for March<'_> {
+    fn film(&mut self) -> &mut Film {
+        &mut self.film
+    }
+
+    fn add(&mut self, progress: &dyn Progress) -> Result<()> {
+        self.pass(progress)
+    }
+}
+
 #[cfg(test)]
 impl March<'_> {
     /// What [`March::pass`] does, a ray at a time.
     pub(super) fn pass_by_rays(&mut self) {
-        let mut sums = std::mem::take(&mut self.sums);
+        let mut sums = std::mem::take(&mut self.film.sums);
         for (number, sums) in (0..).zip(&mut sums) {
             self.sample(number % self.settings.width, number / self.settings.width, sums);
         }
-        self.sums = sums;
-        self.samples_done += 1;
+        self.film.sums = sums;
+        self.film.advance(1);
     }
 }
 
@@ -503,7 +505,7 @@ impl Crossing {
 #[simd]
 fn sample_band<S: Simd>(simd: S, march: &March, first: u32, sums: &mut [Sums]) {
     let width = march.settings.width as usize;
-    for left in (0..width).step_by(TILE) {
+    for left in (0..width).step_by(TILE).filter(|left| march.film.wants(*left as u32, first)) {
         for (row, sums) in (first..).zip(sums.chunks_exact_mut(width)) {
             let end = (left + TILE).min(width);
             match march.packets() {

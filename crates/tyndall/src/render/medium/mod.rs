@@ -7,8 +7,10 @@ mod balls;
 pub mod brute;
 pub mod cache;
 mod columns;
+mod denoise;
 mod diffuse;
 mod field;
+mod film;
 pub mod free_path;
 pub mod gather;
 mod glowing;
@@ -19,6 +21,7 @@ pub mod march;
 mod packet;
 pub mod photons;
 pub mod reference;
+pub mod refine;
 mod regular;
 pub mod show;
 pub mod solids;
@@ -44,29 +47,34 @@ pub enum Backdrop {
     Lights,
 }
 
-impl From<reference::Pixel> for Pixel {
-    fn from(pixel: reference::Pixel) -> Self {
-        let reference::Pixel { scattered, environment, transmittance } = pixel;
-        Self { scattered, environment, transmittance, depth: f32::INFINITY }
+/// How a picture of a medium is shown.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Showing {
+    /// What is behind it.
+    pub backdrop: Backdrop,
+    /// What light is multiplied with; the color of the backdrop is not.
+    pub exposure: f32,
+}
+
+impl Showing {
+    /// Linear RGB, and alpha.
+    pub(super) fn color(&self, pixel: &Pixel) -> [f32; 4] {
+        let scattered = self.exposure * pixel.scattered;
+        let (light, alpha) = match self.backdrop {
+            Backdrop::Nothing => (scattered, 1.0 - pixel.transmittance.element_sum() / 3.0),
+            Backdrop::Color(color) => (scattered + pixel.transmittance * Vec3::from(color), 1.0),
+            Backdrop::Lights => (scattered + self.exposure * pixel.environment, 1.0),
+        };
+        light.extend(alpha).to_array()
     }
 }
 
-/// The picture of pixels, row by row from the top left, `width` a row: light is multiplied with `exposure`, the color of the
-/// backdrop is not. There are no ids.
-pub fn picture(pixels: &[Pixel], width: u32, backdrop: Backdrop, exposure: f32) -> Image {
-    let color = |pixel: &Pixel| {
-        let scattered = exposure * pixel.scattered;
-        let (light, alpha) = match backdrop {
-            Backdrop::Nothing => (scattered, 1.0 - pixel.transmittance.element_sum() / 3.0),
-            Backdrop::Color(color) => (scattered + pixel.transmittance * Vec3::from(color), 1.0),
-            Backdrop::Lights => (scattered + exposure * pixel.environment, 1.0),
-        };
-        light.extend(alpha).to_array()
-    };
+/// The picture of pixels, row by row from the top left, `width` a row. There are no ids.
+pub fn picture(pixels: &[Pixel], width: u32, showing: Showing) -> Image {
     Image {
         width,
         height: (pixels.len() / (width as usize).max(1)) as u32,
-        color: pixels.iter().map(color).collect(),
+        color: pixels.iter().map(|pixel| showing.color(pixel)).collect(),
         depth: pixels.iter().map(|pixel| pixel.depth).collect(),
         id: vec![-1; pixels.len()],
     }

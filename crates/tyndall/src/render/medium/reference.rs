@@ -14,8 +14,10 @@
 use glam::Vec3;
 use rayon::prelude::*;
 
+use super::film::{Film, Pixel, Sums};
 use super::free_path::{FreePath, Tracker};
 use super::lights::Lights;
+use super::refine::{Gathering, Goal, refine};
 use super::regular::Crossing;
 use super::solids::{Solids, cosine_direction, thrown};
 use crate::error::{Error, Result};
@@ -23,6 +25,7 @@ use crate::math::Ray;
 use crate::medium::{Light, Medium};
 use crate::progress::Progress;
 use crate::random::Stream;
+use crate::render::refine::Quality;
 use crate::render::sampling::{Dimension, point, shuffled_point};
 use crate::render::surface::Surface;
 use crate::scene::camera::View;
@@ -42,17 +45,6 @@ pub struct Settings {
     pub free_path: FreePath,
 }
 
-/// A pixel of a reference picture: means over its samples, RGB.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Pixel {
-    /// Radiance that the medium scatters and emits to the camera.
-    pub scattered: Vec3,
-    /// Radiance of the environment lights that comes through the medium.
-    pub environment: Vec3,
-    /// Share of what is behind the medium that comes through.
-    pub transmittance: Vec3,
-}
-
 /// A reference picture in the making.
 pub struct Reference<'a> {
     tracker: Tracker<'a>,
@@ -60,8 +52,7 @@ pub struct Reference<'a> {
     solids: Option<Solids<'a>>,
     view: View,
     settings: Settings,
-    sums: Vec<Pixel>,
-    samples_done: u32,
+    film: Film,
 }
 
 /// Paths of one camera ray. To integrate along the ray takes about as long as a path, so that two halve the variance for half as
@@ -78,16 +69,13 @@ impl<'a> Reference<'a> {
         if !(1..=65536).contains(&width) || !(1..=65536).contains(&height) {
             return Err(Error::setting("size", format!("{width}x{height}"), "1x1 to 65536x65536 pixels"));
         }
-        let sums = vec![Pixel::default(); width as usize * height as usize];
-        let lights = Lights::new(lights);
         Ok(Self {
             tracker: Tracker::new(medium),
-            lights,
+            lights: Lights::new(lights),
             solids: None,
             view,
             settings,
-            sums,
-            samples_done: 0,
+            film: Film::new(width, height),
         })
     }
 
@@ -96,49 +84,72 @@ impl<'a> Reference<'a> {
         Self { solids: Some(solids), ..self }
     }
 
+    /// The same, which keeps what [`Reference::denoised`] needs: twice the memory.
+    pub fn with_halves(self) -> Self {
+        Self { film: self.film.with_halves(), ..self }
+    }
+
     /// Adds `samples` to every pixel; reports `width * height * samples` to `progress`. Fails only when interrupted; the
     /// picture is then incomplete.
     pub fn pass(&mut self, samples: u32, progress: &dyn Progress) -> Result<()> {
-        let mut sums = std::mem::take(&mut self.sums);
+        let until = self.film.samples_done + samples;
+        while self.film.samples_done < until {
+            let added = self.film.at_once().min(until - self.film.samples_done);
+            self.add_samples(added, progress)?;
+        }
+        Ok(())
+    }
+
+    fn add_samples(&mut self, added: u32, progress: &dyn Progress) -> Result<()> {
+        self.film.begin();
+        let mut sums = std::mem::take(&mut self.film.sums);
         let width = self.settings.width as usize;
+        let first = self.film.samples_done;
         sums.par_chunks_mut(width).enumerate().for_each(|(row, sums)| {
             if progress.cancelled() {
                 return;
             }
             let mut crossing = Crossing::default();
-            for (column, sum) in sums.iter_mut().enumerate() {
-                for sample in self.samples_done..self.samples_done + samples {
-                    let added = self.sample([column as u32, row as u32], sample, &mut crossing);
-                    sum.scattered += added.scattered;
-                    sum.environment += added.environment;
-                    sum.transmittance += added.transmittance;
+            for (column, sums) in (0..).zip(sums).filter(|(column, _)| self.film.wants(*column, row as u32)) {
+                for sample in first..first + added {
+                    self.sample([column, row as u32], sample, &mut crossing, sums);
                 }
             }
-            progress.advance(u64::from(samples) * width as u64);
+            progress.advance(u64::from(added) * width as u64);
         });
-        self.sums = sums;
-        self.samples_done += samples;
+        self.film.sums = sums;
+        self.film.advance(added);
         if progress.cancelled() { Err(Error::Interrupted) } else { Ok(()) }
+    }
+
+    /// Adds samples until the goal is reached or `is_late` says so, which is asked after each sample of all pixels. Fails as [`Reference::pass`] does.
+    pub fn refine(
+        &mut self,
+        goal: &Goal,
+        is_late: &mut dyn FnMut() -> bool,
+        progress: &dyn Progress,
+    ) -> Result<Quality> {
+        refine(self, goal, is_late, progress)
     }
 
     /// Samples that every pixel has.
     pub fn samples_done(&self) -> u32 {
-        self.samples_done
+        self.film.samples_done
     }
 
-    /// The means so far, row by row from the top left; zero without samples.
+    /// The means so far, row by row from the top left; zero without samples. Where light is only added there is no depth.
     pub fn pixels(&self) -> Vec<Pixel> {
-        let scale = 1.0 / self.samples_done.max(1) as f32;
-        let mean = |sum: &Pixel| Pixel {
-            scattered: scale * sum.scattered,
-            environment: scale * sum.environment,
-            transmittance: scale * sum.transmittance,
-        };
-        self.sums.iter().map(mean).collect()
+        self.film.pixels()
     }
 
-    /// One sample of the pixel in a column and row.
-    fn sample(&self, [column, row]: [u32; 2], sample: u32, crossing: &mut Crossing) -> Pixel {
+    /// The same with less noise in the light that is scattered, as the differences between samples tell it. `None` if pixels have a single
+    /// sample, or without [`Reference::with_halves`].
+    pub fn denoised(&self) -> Option<Vec<Pixel>> {
+        self.film.denoised()
+    }
+
+    /// Adds a sample to the pixel in a column and row.
+    fn sample(&self, [column, row]: [u32; 2], sample: u32, crossing: &mut Crossing, sums: &mut Sums) {
         let seed = self.settings.seed;
         let number = row * self.settings.width + column;
         let [x, y] = point(seed, Dimension::Pixel, number, sample);
@@ -148,10 +159,10 @@ impl<'a> Reference<'a> {
         self.tracker.cross(&ray, crossing);
         let through = self.tracker.through(crossing.column);
         let transmittance = if met.is_some() { Vec3::ZERO } else { through };
-        let behind = self.lights.seen(ray.direction);
-        let mut pixel = Pixel { scattered: Vec3::ZERO, environment: transmittance * behind, transmittance };
+        sums.transmittance += transmittance;
+        sums.environment += transmittance * self.lights.seen(ray.direction);
         if self.tracker.medium().is_additive() {
-            pixel.scattered = self.tracker.added(&ray);
+            sums.scattered += self.tracker.added(&ray);
         }
         if let Some(surface) = met.filter(|_| through != Vec3::ZERO) {
             let mut stream = Stream::new(u64::from(seed), u64::from(number) << 32 | u64::from(!sample));
@@ -159,10 +170,11 @@ impl<'a> Reference<'a> {
             let most = through.max_element();
             let start = Ray { origin: surface.position, ..ray };
             let radiance = self.path(Met::Surface(surface), start, through / most, random, &mut stream);
-            pixel.scattered += most * radiance;
+            sums.scattered += most * radiance;
+            sums.add_depth(ray.t_max, through);
         }
         if through == Vec3::ONE {
-            return pixel;
+            return;
         }
         for path in sample * PATHS..(sample + 1) * PATHS {
             let at = |dimension| shuffled_point(seed, dimension, number, path);
@@ -172,9 +184,9 @@ impl<'a> Reference<'a> {
             // The roulette must not end a path because little of the medium is in the way.
             let scale = weight.max_element();
             let radiance = self.path(Met::Matter, start, weight / scale, at(Dimension::Sky), &mut stream);
-            pixel.scattered += scale / PATHS as f32 * radiance;
+            sums.scattered += scale / PATHS as f32 * radiance;
+            sums.add_depth(distance, weight / PATHS as f32);
         }
-        pixel
     }
 
     /// The radiance of a path that first meets something at the origin of `ray`, coming along its direction from the camera.
@@ -242,6 +254,16 @@ impl<'a> Reference<'a> {
             _ => self.tracker.ratio_transmittance(ray, stream),
         };
         self.lights.direct(at, share, through, stream)
+    }
+}
+
+impl Gathering for Reference<'_> {
+    fn film(&mut self) -> &mut Film {
+        &mut self.film
+    }
+
+    fn add(&mut self, progress: &dyn Progress) -> Result<()> {
+        self.pass(1, progress)
     }
 }
 

@@ -19,7 +19,9 @@ use crate::medium::{Grid, Light, Medium, Noise, NoiseSettings, Optics, Phase};
 use crate::random::Stream;
 use crate::scene::camera::{Camera, Projection, View};
 
+mod denoise;
 mod emission;
+mod refine;
 mod solids;
 
 const PI: f32 = std::f32::consts::PI;
@@ -98,7 +100,7 @@ fn reference(medium: &Medium, lights: &[Light], samples: u32) -> Vec3 {
     };
     let mut reference = Reference::new(medium, lights, view(SMALL.width), settings).unwrap();
     reference.pass(samples, &()).unwrap();
-    mean(&reference.pixels().into_iter().map(Pixel::from).collect::<Vec<_>>())
+    mean(&reference.pixels())
 }
 
 #[test]
@@ -177,6 +179,12 @@ fn what_comes_through_is_beers_law() {
     // Light is lost at 4 + x on average, x of an exponential law that ends at 2.
     let lost = 4.0 + (1.0 - wanted * (1.0 + 1.5 * 2.0)) / (1.5 * (1.0 - wanted));
     assert!((middle.depth - lost).abs() < 0.02, "{} {lost}", middle.depth);
+    let settings =
+        reference::Settings { width: 32, height: 32, seed: 6, orders: None, free_path: FreePath::Delta };
+    let mut reference = Reference::new(&medium, &lights, view(32), settings).unwrap();
+    reference.pass(64, &()).unwrap();
+    let traced = reference.pixels()[16 * 32 + 16];
+    assert!((traced.depth - lost).abs() < 0.02, "{} {lost}", traced.depth);
 }
 
 #[test]
@@ -321,6 +329,16 @@ fn passes_of_photons_come_nearer_to_the_sweeps() {
         let errors = [error(1, radius), error(12, radius)];
         assert!(errors[1] < 0.7 * errors[0], "{radius:?}: {errors:?}");
     }
+    // Passes double until twice as many make no more than the wanted difference.
+    let multiple = Multiple::Photons(photon_settings(4000), Radius::Fixed(0.35), 64);
+    let until = |photon_noise: Option<f32>| {
+        let settings = Settings { multiple, photon_noise, ..settings };
+        Cache::new(&medium, &lights, &settings, &()).unwrap().gathered().unwrap()
+    };
+    let (rough, fine) = (until(Some(0.1)), until(Some(0.05)));
+    println!("{rough:?} {fine:?}");
+    assert!(rough.change < 0.1 && fine.change < 0.05, "{rough:?} {fine:?}");
+    assert!(rough.passes < fine.passes && fine.passes < 64, "{rough:?} {fine:?}");
     let none = Multiple::Photons(photon_settings(1000), Radius::Automatic, 0);
     let refused = Cache::new(&medium, &lights, &Settings { multiple: none, ..settings }, &());
     assert_eq!(refused.unwrap_err().code(), "setting");

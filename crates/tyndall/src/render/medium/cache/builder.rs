@@ -12,7 +12,7 @@ use super::super::harmonics::{self, count};
 use super::super::photons::{self, Stored};
 use super::super::solids::{Smooth, Solids};
 use super::super::sweep::Ordinate;
-use super::{Cache, Channels, Direct, Multiple, Settings};
+use super::{Cache, Channels, Direct, Gathered, Multiple, Settings};
 use crate::error::{Error, Result};
 use crate::math::exp_minus;
 use crate::medium::grid::Lattice;
@@ -137,12 +137,17 @@ impl<'a> Builder<'a> {
     }
 
     /// Coefficients of the light of the sky and of that scattered before, in each channel that is solved.
-    pub(super) fn smooth(&self, direct: &[Direct], multiple: Multiple) -> Result<Vec<Vec<Field>>> {
+    pub(super) fn smooth(
+        &self,
+        direct: &[Direct],
+        settings: &Settings,
+    ) -> Result<(Vec<Vec<Field>>, Option<Gathered>)> {
+        let multiple = settings.multiple;
         if self.medium.optics().albedo == [0.0; 3] {
-            return self.each_channel(|_| Ok(self.dark()));
+            return Ok((self.each_channel(|_| Ok(self.dark()))?, None));
         }
         if multiple == Multiple::Sweeps {
-            return self.each_channel(|channel| self.diffuse(direct, channel));
+            return Ok((self.each_channel(|channel| self.diffuse(direct, channel))?, None));
         }
         let density = self.density.coarsened(self.lattices[0]);
         let sky = |channel| {
@@ -160,13 +165,16 @@ impl<'a> Builder<'a> {
             diffuse::sky(self.channel(channel), level, &self.inflow(channel))
         };
         let mut fields = self.each_channel(|channel| Ok(sky(channel)))?;
-        if let Multiple::Photons(settings, radius, passes) = multiple {
-            let gathered = self.gathered(&settings, radius, passes, &self.channels.solved())?;
-            for (field, gathered) in fields.iter_mut().flatten().zip(gathered) {
+        let mut done = None;
+        if let Multiple::Photons(photons, radius, passes) = multiple {
+            let noise = settings.photon_noise;
+            let found = self.gathered(&photons, (radius, passes), noise, &density.values)?;
+            done = Some(found.1);
+            for (field, gathered) in fields.iter_mut().flatten().zip(found.0) {
                 field.values.iter_mut().zip(gathered).for_each(|(value, added)| *value += added);
             }
         }
-        Ok(fields)
+        Ok((fields, done))
     }
 
     /// What `solve` finds in each channel that is solved; one that is a mix of two others is mixed.
@@ -214,28 +222,41 @@ impl<'a> Builder<'a> {
     fn gathered(
         &self,
         settings: &photons::Settings,
-        radius: Radius,
-        passes: u32,
-        channels: &[usize],
-    ) -> Result<Vec<Vec<f32>>> {
-        let wanted = Wanted { order: self.order, channels };
-        let mut means: Vec<Vec<f32>> = Vec::new();
+        (radius, most): (Radius, u32),
+        noise: Option<f32>,
+        density: &[f32],
+    ) -> Result<(Vec<Vec<f32>>, Gathered)> {
+        let wanted = Wanted { order: self.order, channels: &self.channels.solved() };
+        let mut sums: Vec<Vec<f32>> = Vec::new();
+        let mut before = Vec::new();
         let mut radius = radius;
-        for pass in 0..passes {
-            let seed = settings.seed.wrapping_add(pass);
+        let mut done = Gathered { passes: 0, change: f32::INFINITY };
+        while done.passes < most {
+            let seed = settings.seed.wrapping_add(done.passes);
             let settings = photons::Settings { seed, stored: Stored::Multiple, ..*settings };
             let photons =
                 photons::trace_around(self.medium, self.lights, self.solids, &settings, self.progress)?;
             let map = PhotonMap::new(self.medium, &photons, radius)?;
             let gathered = map.columns(&self.lattices[0], &wanted, self.progress)?;
-            means.resize_with(gathered.len(), || pages::zeros(self.lattices[0].sample_count() as usize));
-            let share = 1.0 / passes as f32;
-            for (mean, gathered) in means.iter_mut().zip(gathered) {
-                mean.iter_mut().zip(gathered).for_each(|(mean, it)| *mean += share * it);
+            sums.resize_with(gathered.len(), || pages::zeros(self.lattices[0].sample_count() as usize));
+            for (sum, gathered) in sums.iter_mut().zip(gathered) {
+                sum.iter_mut().zip(gathered).for_each(|(sum, it)| *sum += it);
             }
-            radius = map.shrunk(pass);
+            radius = map.shrunk(done.passes);
+            done.passes += 1;
+            if let Some(noise) = noise.filter(|_| done.passes.is_power_of_two()) {
+                if done.passes > 1 {
+                    done.change = change(&before, &sums, density);
+                }
+                if done.change < noise {
+                    break;
+                }
+                before.clone_from(&sums);
+            }
         }
-        Ok(means)
+        let share = 1.0 / done.passes as f32;
+        sums.iter_mut().flatten().for_each(|it| *it *= share);
+        Ok((sums, done))
     }
 
     /// Coefficients of no light at all.
@@ -334,7 +355,12 @@ impl<'a> Builder<'a> {
     }
 
     /// Interleaves the fields, and lights the density's bricks where that can be done once for all views.
-    pub(super) fn finish(self, direct: Vec<Direct>, fields: Vec<Vec<Field>>) -> Cache {
+    pub(super) fn finish(
+        self,
+        direct: Vec<Direct>,
+        fields: Vec<Vec<Field>>,
+        gathered: Option<Gathered>,
+    ) -> Cache {
         let optics = self.medium.optics();
         let lattice = self.lattices[0];
         let columns: Vec<&[f32]> = (0..count(self.order))
@@ -357,6 +383,7 @@ impl<'a> Builder<'a> {
             order: self.order,
             channels: self.channels,
             lit: None,
+            gathered,
         };
         if self.order == 0 {
             cache.lit = Some(cache.lit(self.medium, None));
@@ -411,6 +438,19 @@ impl Mix {
         };
         (0..3).filter_map(mix).min_by(|(a, _), (b, _)| a.total_cmp(b)).map(|(_, mix)| mix)
     }
+}
+
+/// Root mean square by which the means of twice as many passes differ from those of the first ones, over those of all. What counts is what is scattered:
+/// light times density.
+fn change(before: &[Vec<f32>], sums: &[Vec<f32>], density: &[f32]) -> f32 {
+    let (mut change, mut all) = (0.0, 0.0);
+    for (before, sums) in before.iter().zip(sums) {
+        for ((before, sum), density) in before.iter().zip(sums).zip(density) {
+            change += f64::from(density * (2.0 * before - sum)).powi(2);
+            all += f64::from(density * sum).powi(2);
+        }
+    }
+    (change / all.max(f64::MIN_POSITIVE)).sqrt() as f32
 }
 
 /// Distances of the samples of lights without extent, and of what is smooth.

@@ -258,11 +258,15 @@ fn a_black_medium_only_dims_and_an_empty_one_does_nothing() {
     }
     let grid = Grid::from_dense(Vec3::ZERO, 1.0, [3; 3], &[0.0; 27]).unwrap();
     let empty = Medium::new(grid, optics(1.0, 0.0)).unwrap();
-    let wanted = Pixel { scattered: Vec3::ZERO, environment: Vec3::splat(0.25), transmittance: Vec3::ONE };
+    let wanted = Pixel { environment: Vec3::splat(0.25), transmittance: Vec3::ONE, ..NOTHING };
     assert!(
         render(&empty, &lights, at_the_cloud(), settings(24, 16), 1).iter().all(|pixel| *pixel == wanted)
     );
 }
+
+/// A pixel without samples, or of rays that meet nothing in the dark.
+const NOTHING: Pixel =
+    Pixel { scattered: Vec3::ZERO, environment: Vec3::ZERO, transmittance: Vec3::ZERO, depth: f32::INFINITY };
 
 #[test]
 fn twice_the_light_is_twice_the_picture_whatever_the_threads() {
@@ -283,7 +287,7 @@ fn passes_add_up() {
     let medium = cloud(optics(0.9, 0.0), [2.0; 3]);
     let lights = [sun(Vec3::X, 1.0)];
     let mut reference = Reference::new(&medium, &lights, at_the_cloud(), settings(24, 16)).unwrap();
-    assert!(reference.pixels().iter().all(|pixel| *pixel == Pixel::default()));
+    assert!(reference.pixels().iter().all(|pixel| *pixel == NOTHING));
     reference.pass(1, &()).unwrap();
     reference.pass(3, &()).unwrap();
     assert_eq!(reference.samples_done(), 4);

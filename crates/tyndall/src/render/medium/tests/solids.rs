@@ -17,7 +17,7 @@ fn spheres(centers: &[Vec3], radius: f32, color: [f32; 3]) -> Scene {
     Scene::new(structure, ParticleColors::constant(color), Lighting::Flat, None)
 }
 
-fn some_spheres() -> Scene {
+pub(super) fn some_spheres() -> Scene {
     let mut stream = Stream::new(72, 0);
     let centers: Vec<Vec3> = (0..14).map(|_| 0.7 * stream.cube()).collect();
     spheres(&centers, 0.17, [0.8, 0.5, 0.2])
@@ -34,7 +34,7 @@ fn traced(
     let reference = Reference::new(medium, lights, view(32), settings).unwrap();
     let mut reference = reference.with_solids(Solids::new(solids));
     reference.pass(samples, &()).unwrap();
-    reference.pixels().into_iter().map(Pixel::from).collect()
+    reference.pixels()
 }
 
 fn marched(
@@ -114,7 +114,7 @@ fn white_spheres_in_white_matter_under_an_even_sky_are_not_seen() {
 }
 
 /// Mean of squared differences over the squared reference, of pixels that are not black.
-fn relative_error(found: &[Pixel], wanted: &[Pixel]) -> f32 {
+pub(super) fn relative_error(found: &[Pixel], wanted: &[Pixel]) -> f32 {
     let total = |pixel: &Pixel| pixel.scattered + pixel.environment;
     let error = |(found, wanted): (&Pixel, &Pixel)| {
         let (found, wanted) = (total(found), total(wanted));
@@ -164,6 +164,39 @@ fn photons_from_spheres_bring_their_light() {
     let by_photons = mean(&marched(&medium, &lights, &solids, &settings, 16));
     let by_sweeps = mean(&marched(&medium, &lights, &solids, &Settings::default(), 16));
     assert!((by_photons / by_sweeps - 1.0).abs().max_element() < 0.05, "{by_photons} {by_sweeps}");
+}
+
+#[test]
+fn without_a_cache_spheres_shadow_matter_too() {
+    let (medium, solids) = (lumps(grey(3.0, 0.9, 0.0)), some_spheres());
+    let lights = [sun([4.0, 3.0, 2.0])];
+    let photons = photons::Settings {
+        count: 40_000,
+        seed: 3,
+        free_path: FreePath::Delta,
+        stored: Stored::Multiple,
+        memory_bytes: None,
+    };
+    let bodies = Solids::new(&solids);
+    let multiple = Multiple::Photons(photons, Radius::default(), 1);
+    let photons = photons::trace_around(&medium, &lights, Some(bodies), &photons, &()).unwrap();
+    let found = |is_shadowed: bool| {
+        let map = PhotonMap::new(&medium, &photons, Radius::default()).unwrap();
+        let brute = BruteForce::new(&medium, &lights, map);
+        let brute = if is_shadowed { brute.with_solids(bodies) } else { brute };
+        let knobs = march::Settings { samples: 2, step: 2.0, ..SMALL };
+        let light = Illumination::BruteForce(&brute);
+        let mut march = March::new(&medium, light, &lights, view(32), knobs).unwrap().with_solids(bodies);
+        march.pass(&()).unwrap();
+        march.pass(&()).unwrap();
+        mean(&march.pixels())
+    };
+    let settings = Settings { multiple, ..Settings::default() };
+    let wanted = mean(&marched(&medium, &lights, &solids, &settings, 4));
+    let (with, without) = (found(true), found(false));
+    println!("{with}, {without} without shadows, {wanted}");
+    assert!((with / wanted - 1.0).abs().max_element() < 0.05, "{with} {wanted}");
+    assert!((without / with).min_element() > 1.03, "{without} {with}");
 }
 
 #[test]
