@@ -234,7 +234,7 @@ pub(crate) struct Picture {
     /// and --shutter 256, of a medium 4]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     pub(crate) samples: Option<u32>,
-    /// Adds samples for so long to each picture of spheres: 30s, 5m; with --noise 1% until one of both is reached
+    /// Adds samples for so long to each picture: 30s, 5m; with --noise 1% until one of both is reached. What a medium is lit by is found before
     #[arg(long, value_name = "TIME", value_parser = crate::values::duration, allow_hyphen_values = true)]
     pub(crate) time: Option<Duration>,
     /// Another seed gives other random numbers
@@ -716,6 +716,8 @@ pub(crate) enum BenchWhat {
     Structures,
     /// Density, light and march, as in the tables of Cha, Son and Ihm 2009
     Medium,
+    /// Spheres in a medium: relMSE and time by samples, marched and traced by paths, on a fourth of --size across and down
+    Bodies,
     /// Culling by confidence, as in chapter 6 of Walloner 2022: a report with pictures
     Culling,
     /// Spheres on a graphics card

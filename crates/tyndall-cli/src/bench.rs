@@ -28,7 +28,7 @@ use crate::args;
 use crate::dry_run::check_memory;
 use crate::report::{Outcome, Report};
 use crate::structure;
-use crate::{bench_culling, bench_medium};
+use crate::{bench_bodies, bench_culling, bench_medium};
 use table::{Cell, Table};
 
 /// What is measured if nothing is said.
@@ -71,6 +71,7 @@ pub(crate) fn run(args: &args::Bench, report: &Report) -> Outcome<()> {
         args::BenchWhat::Spheres => {}
         args::BenchWhat::Structures => return structures::run(args, report),
         args::BenchWhat::Medium => return bench_medium::run(report),
+        args::BenchWhat::Bodies => return bench_bodies::run(args, report),
         args::BenchWhat::Culling => return bench_culling::run(args, report),
         #[cfg(feature = "gpu")]
         args::BenchWhat::Gpu => return crate::bench_gpu::run(args, report),

@@ -6,6 +6,7 @@ mod ahead;
 mod annotate;
 mod args;
 mod bench;
+mod bench_bodies;
 mod bench_culling;
 mod bench_density;
 #[cfg(feature = "gpu")]

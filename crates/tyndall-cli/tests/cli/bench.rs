@@ -82,3 +82,25 @@ fn culling_is_evaluated_as_a_report() {
     folder.line("bench culling --sets packed -q").fails(2, &["--sets", "packed", "virion"]);
     folder.line("bench culling --fraction 2 -q").fails(2, &["--fraction"]);
 }
+
+#[test]
+fn spheres_in_a_medium_are_measured_against_a_converged_picture() {
+    let folder = Folder::new();
+    let ran = folder.line("bench bodies --size 24x24");
+    let rows: Vec<Vec<&str>> = ran
+        .out
+        .lines()
+        .map(|line| line.split('|').map(str::trim).collect())
+        .filter(|row: &Vec<&str>| row.len() == 10)
+        .collect();
+    let errors = |samples: &str, column: usize| -> Vec<f64> {
+        let rows = rows.iter().filter(|row| row[2] == samples);
+        rows.map(|row| row[column].parse().unwrap()).collect()
+    };
+    // Columns of the march and of the path tracer: an error each of three scenes, which falls with the samples.
+    for column in [3, 6] {
+        let (few, many) = (errors("1", column), errors("64", column));
+        assert!(few.len() == 3 && many.len() == 3, "{ran:?}");
+        assert!(few.iter().zip(&many).all(|(few, many)| few > many && *many > 0.0), "{ran:?}");
+    }
+}
