@@ -91,7 +91,12 @@ pub(crate) struct Goal {
 impl Goal {
     /// Whether samples are added as they are needed.
     pub(crate) fn is_given(&self) -> bool {
-        self.noise.is_some() || self.time.is_some()
+        self.name().is_some()
+    }
+
+    /// The option that asks for it.
+    pub(crate) fn name(&self) -> Option<&'static str> {
+        self.noise.map(|_| "--noise").or(self.time.map(|_| "--time"))
     }
 
     /// That of a share of the picture, from 0 to 1.

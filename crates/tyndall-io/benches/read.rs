@@ -84,10 +84,8 @@ fn lammps(bencher: Bencher) {
 fn lammps_positions(bencher: Bencher) {
     let wanted = Wanted {
         coloring: "#fff".parse().unwrap(),
-        filters: Vec::new(),
-        quantities: Vec::new(),
         radii: false,
-        vectors: Vec::new(),
+        ..Wanted::default()
     };
     read_with(bencher, &dump(), &Options { wanted: Some(wanted), ..Options::default() });
 }
