@@ -28,7 +28,7 @@ const SAMPLES: [u32; 4] = [1, 4, 16, 64];
 /// Those of what is right.
 const CONVERGED: u32 = 1024;
 /// Samples of the density along an edge of the box of edge 2.
-const EDGE: u32 = 48;
+const EDGE: u32 = 32;
 
 /// A scene, its pictures, and what is right.
 struct Measured<'a> {

@@ -86,7 +86,7 @@ fn culling_is_evaluated_as_a_report() {
 #[test]
 fn spheres_in_a_medium_are_measured_against_a_converged_picture() {
     let folder = Folder::new();
-    let ran = folder.line("bench bodies --size 24x24");
+    let ran = folder.line("bench bodies --size 16x16");
     let rows: Vec<Vec<&str>> = ran
         .out
         .lines()
