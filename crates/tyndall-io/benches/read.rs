@@ -82,11 +82,7 @@ fn lammps(bencher: Bencher) {
 /// What a picture in one color looks at.
 #[divan::bench(sample_count = 5, sample_size = 1)]
 fn lammps_positions(bencher: Bencher) {
-    let wanted = Wanted {
-        coloring: "#fff".parse().unwrap(),
-        radii: false,
-        ..Wanted::default()
-    };
+    let wanted = Wanted { coloring: "#fff".parse().unwrap(), ..Wanted::default() };
     read_with(bencher, &dump(), &Options { wanted: Some(wanted), ..Options::default() });
 }
 

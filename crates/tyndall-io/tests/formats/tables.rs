@@ -170,13 +170,7 @@ fn a_table_without_positions_lists_its_columns() {
 
 #[test]
 fn only_the_wanted_columns_are_read() {
-    let wanted = |coloring: &str| Wanted {
-        coloring: coloring.parse().unwrap(),
-        filters: vec![],
-        quantities: vec![],
-        radii: false,
-        vectors: vec![],
-    };
+    let wanted = |coloring: &str| Wanted { coloring: coloring.parse().unwrap(), ..Wanted::default() };
     for name in SAMPLES {
         let options = Options { wanted: Some(wanted("half")), ..Options::default() };
         let sequence = Sequence::open(&[fixture("samples").join(name)], &options, &()).unwrap();
