@@ -1,26 +1,29 @@
 //! Krakatoa's particle files, PRT 1.0 and 1.1.
 //!
 //! Takes the content, gives every channel but the position as an attribute of its own name. A header with meta data is followed by the
-//! definitions of the channels, then by one zlib stream of particles, all little-endian. Its PRT 2 is another format. Source:
-//! Thinkbox, "PRT File Format v1.1".
+//! definitions of the channels, then by one zlib stream of particles, all little-endian, which is unpacked in batches: beside the columns
+//! there are never more than two of them. Its PRT 2 is another format. Source: Thinkbox, "PRT File Format v1.1".
 
 use std::io::Read;
 use std::path::Path;
 
 use flate2::read::ZlibDecoder;
 use tyndall::particles::Columns;
+use tyndall::scene::wanted::Wanted;
 use tyndall::{Error, Progress, Result};
 
 use super::cursor::Cursor;
 use super::numbers::{Kind, Number, Order};
-use super::records::{self, Field, Layout, Source};
+use super::records::{self, Field, Growing, Layout, Source};
 use super::{Index, Request, Span};
 use crate::sequence::{Frame, Options};
 
 const MAGIC: &[u8] = b"\xc0PRT\r\n\x1a\n";
 const HINT: &str = "the file is cut off or damaged: copy it again or export it again";
 /// Bytes that are unpacked between two looks at the progress.
-const STEP: u64 = 4 << 20;
+const STEP: u64 = 1 << 20;
+/// Bytes that are unpacked, and brought into columns, at a time.
+const BATCH_BYTES: usize = 8 << 20;
 /// A byte of a zlib stream becomes at most so many.
 const MOST: usize = 1032;
 
@@ -42,7 +45,7 @@ pub(crate) fn index(path: &Path, bytes: &[u8], _: &Options) -> Result<Index> {
     Ok(Index { frames: vec![span], title: Some(format!("Krakatoa PRT {version}")), ..Index::default() })
 }
 
-/// Reads the particles.
+/// Reads the particles, with those of the channels that are wanted.
 pub(crate) fn frame(
     path: &Path,
     bytes: &[u8],
@@ -50,91 +53,104 @@ pub(crate) fn frame(
     request: &Request,
     progress: &dyn Progress,
 ) -> Result<Frame> {
+    read(path, bytes, request.options, (BATCH_BYTES, progress))
+}
+
+/// Reads them in batches of about so many bytes.
+fn read(
+    path: &Path,
+    bytes: &[u8],
+    options: &Options,
+    (batch_bytes, progress): (usize, &dyn Progress),
+) -> Result<Frame> {
     let header = Header::read(path, bytes)?;
     progress.begin("read", Some(bytes.len() as u64), "B");
-    let stride = header.stride();
-    let packed = &bytes[header.start..];
-    let mut warnings = Vec::new();
-    let (rows, count) = match usize::try_from(header.count) {
-        Ok(count) => {
-            let wanted = count.checked_mul(stride).filter(|it| it / MOST <= packed.len());
-            let Some(wanted) = wanted else {
-                let what = format!(
-                    "the header promises {count} particles of {stride} bytes, {} compressed bytes are there",
-                    packed.len()
-                );
-                return Err(Error::format(path, "header", what, HINT));
-            };
-            let (rows, fault) = unpack(packed, wanted, progress)?;
-            if rows.len() < wanted {
-                let found = rows.len() / stride.max(1);
-                let why = fault.map_or(String::new(), |it| format!(" ({it})"));
-                let what = format!("the data end after {found} of {count} particles{why}");
-                return Err(Error::format(path, "particles", what, HINT));
-            }
-            (rows, count)
-        }
-        Err(_) => {
-            let what = format!("the file was not finished: its count of particles is {}", header.count);
-            if request.options.strict {
-                return Err(Error::format(
-                    path,
-                    "header",
-                    what,
-                    "without --strict the particles that are there are read",
-                ));
-            }
-            let (rows, _) = unpack(packed, packed.len().saturating_mul(MOST), progress)?;
-            let count = rows.len() / stride.max(1);
-            warnings.push(format!("{what} — {count} particles read (use --strict to fail)"));
-            (rows, count)
-        }
+    let position = header.position(path)?;
+    let (stride, packed) = (header.stride(), &bytes[header.start..]);
+    let count = usize::try_from(header.count).ok();
+    let unfinished = format!("the file was not finished: its count of particles is {}", header.count);
+    let most = packed.len().saturating_mul(MOST);
+    let wanted =
+        count.map_or(Some(most), |count| count.checked_mul(stride)).filter(|it| *it / MOST <= packed.len());
+    let Some(wanted) = wanted else {
+        let what = format!(
+            "the header promises {} particles of {stride} bytes, {} compressed bytes are there",
+            header.count,
+            packed.len()
+        );
+        return Err(Error::format(path, "header", what, HINT));
     };
+    if count.is_none() && options.strict {
+        let hint = "without --strict the particles that are there are read";
+        return Err(Error::format(path, "header", unfinished, hint));
+    }
 
-    let source = |channel: &Channel| {
-        let step = channel.kind.size();
-        Source { bytes: &rows, kind: channel.kind, order: Order::Little, start: channel.offset, stride, step }
+    let batch_bytes = (batch_bytes / stride).max(1) * stride;
+    let mut stream = Stream { decoder: ZlibDecoder::new(packed), left: wanted, told: 0, fault: None };
+    let mut columns = Growing::default();
+    let mut rows = stream.take(batch_bytes, progress)?;
+    while rows.len() >= stride {
+        let layout = header.layout(position, &rows, options.wanted.as_ref());
+        // While one batch is brought into columns the next one is unpacked.
+        let (added, next) = rayon::join(
+            || columns.add(path, &layout, wanted / stride, progress),
+            || stream.take(batch_bytes, progress),
+        );
+        added?;
+        rows = next?;
+    }
+    let found = columns.len();
+    let mut warnings = Vec::new();
+    match count {
+        Some(count) if found < count => {
+            let why = stream.fault.map_or(String::new(), |it| format!(" ({it})"));
+            let what = format!("the data end after {found} of {count} particles{why}");
+            return Err(Error::format(path, "particles", what, HINT));
+        }
+        Some(_) => {}
+        None => warnings.push(format!("{unfinished} — {found} particles read (use --strict to fail)")),
+    }
+    let columns = match found {
+        // Without rows there are columns all the same.
+        0 => header.layout(position, &[], options.wanted.as_ref()).gather(path, 0, progress)?.into_columns(),
+        _ => columns.into_columns(),
     };
-    let position = header
-        .channels
-        .iter()
-        .position(|it| it.name == "Position")
-        .or_else(|| header.channels.iter().position(|it| it.name.eq_ignore_ascii_case("position")));
-    let position = position.filter(|&place| header.channels[place].components == 3).ok_or_else(|| {
-        let names: Vec<&str> = header.channels.iter().map(|it| it.name.as_str()).collect();
-        let what = format!("a channel Position of three numbers was wanted; found: {}", names.join(", "));
-        Error::format(path, "header", what, "export the channel Position too")
-    })?;
-    let center = source(&header.channels[position]);
-    let others = header.channels.iter().enumerate().filter(|(place, _)| *place != position);
-    let fields =
-        others.map(|(_, it)| Field { name: it.name.clone(), components: it.components, source: source(it) });
-    let axes = [0, 1, 2].map(|axis| Some(center.component(axis)));
-    let layout = Layout { count, axes, fields: fields.collect() };
-    let columns = layout.gather(path, 0, progress)?.into_columns();
     let columns = Columns { length_unit: header.unit, ..columns };
     records::frame(columns, vec![], warnings)
 }
 
-/// Unpacks up to `most` bytes; says what was wrong where there are fewer.
-fn unpack(packed: &[u8], most: usize, progress: &dyn Progress) -> Result<(Vec<u8>, Option<String>)> {
-    let mut stream = ZlibDecoder::new(packed);
-    let mut rows = Vec::new();
-    let (mut fault, mut told) = (None, 0);
-    while rows.len() < most && fault.is_none() {
-        if progress.cancelled() {
-            return Err(Error::Interrupted);
+/// The stream of particles.
+struct Stream<'a> {
+    decoder: ZlibDecoder<&'a [u8]>,
+    /// Bytes that are still wanted of it.
+    left: usize,
+    /// Packed bytes that progress was told of.
+    told: u64,
+    /// Why it ended early.
+    fault: Option<String>,
+}
+
+impl Stream<'_> {
+    /// Unpacks the next bytes; fewer than `most` at the end, or where there is a fault.
+    fn take(&mut self, most: usize, progress: &dyn Progress) -> Result<Vec<u8>> {
+        let wanted = most.min(self.left);
+        let mut rows = Vec::new();
+        while rows.len() < wanted && self.fault.is_none() {
+            if progress.cancelled() {
+                return Err(Error::Interrupted);
+            }
+            let step = STEP.min((wanted - rows.len()) as u64);
+            match (&mut self.decoder).take(step).read_to_end(&mut rows) {
+                Ok(0) => break,
+                Ok(_) => {}
+                Err(error) => self.fault = Some(error.to_string()),
+            }
+            progress.advance(self.decoder.total_in() - self.told);
+            self.told = self.decoder.total_in();
         }
-        let step = STEP.min((most - rows.len()) as u64);
-        match (&mut stream).take(step).read_to_end(&mut rows) {
-            Ok(0) => break,
-            Ok(_) => {}
-            Err(error) => fault = Some(error.to_string()),
-        }
-        progress.advance(stream.total_in() - told);
-        told = stream.total_in();
+        self.left -= rows.len();
+        Ok(rows)
     }
-    Ok((rows, fault))
 }
 
 /// What stands before the particles.
@@ -186,6 +202,41 @@ impl Header {
             channels.push(Channel::read(&mut Cursor::new(path, bytes, 0, Order::Little, HINT))?);
         }
         Ok(Self { version, count, unit, channels, start: cursor.place() })
+    }
+
+    /// The channel of the positions.
+    fn position(&self, path: &Path) -> Result<usize> {
+        let exact = self.channels.iter().position(|it| it.name == "Position");
+        let position =
+            exact.or_else(|| self.channels.iter().position(|it| it.name.eq_ignore_ascii_case("position")));
+        position.filter(|&place| self.channels[place].components == 3).ok_or_else(|| {
+            let names: Vec<&str> = self.channels.iter().map(|it| it.name.as_str()).collect();
+            let what = format!("a channel Position of three numbers was wanted; found: {}", names.join(", "));
+            Error::format(path, "header", what, "export the channel Position too")
+        })
+    }
+
+    /// Where the positions and the channels that are wanted stand in some rows.
+    fn layout<'a>(&self, position: usize, rows: &'a [u8], wanted: Option<&Wanted>) -> Layout<'a> {
+        let stride = self.stride();
+        let source = |channel: &Channel| {
+            let step = channel.kind.size();
+            Source {
+                bytes: rows,
+                kind: channel.kind,
+                order: Order::Little,
+                start: channel.offset,
+                stride,
+                step,
+            }
+        };
+        let center = source(&self.channels[position]);
+        let others = self.channels.iter().enumerate().filter(|(place, _)| *place != position);
+        let fields = others
+            .map(|(_, it)| Field { name: it.name.clone(), components: it.components, source: source(it) })
+            .collect();
+        let axes = [0, 1, 2].map(|axis| Some(center.component(axis)));
+        Layout { count: rows.len() / stride, axes, fields: records::wanted_fields(fields, wanted) }
     }
 
     /// The size of a particle.
@@ -275,6 +326,11 @@ mod tests {
 
     /// A file of `count` particles; the header says `told`. A gap stands behind each particle's last channel but one.
     fn file(count: u16, told: i64) -> Vec<u8> {
+        file_of(count, told, |id| 1 << 40 | u64::from(id))
+    }
+
+    /// The same with these ids.
+    fn file_of(count: u16, told: i64, ids: impl Fn(u16) -> u64) -> Vec<u8> {
         let mut meta = b"Meta\x26\0\0\0\0BoundBox\0\x04\0\0\0".to_vec();
         meta.extend([0; 24]);
         meta.extend(b"Meta\x20\0\0\0\0LengthUnitInMeters\0\x05\0\0\0");
@@ -295,7 +351,7 @@ mod tests {
         let mut rows = Vec::new();
         for id in 0..count {
             rows.extend([f64::from(id), 0.1, 1e9].iter().flat_map(|it| it.to_le_bytes()));
-            rows.extend((1u64 << 40 | u64::from(id)).to_le_bytes());
+            rows.extend(ids(id).to_le_bytes());
             rows.extend([9, 9]);
             // 1, -2 and the least half float.
             rows.extend([0x3c00u16, 0xc000, 1].iter().flat_map(|it| it.to_le_bytes()));
@@ -316,6 +372,26 @@ mod tests {
 
     fn read(bytes: &[u8]) -> Result<Frame> {
         read_by(bytes, false)
+    }
+
+    #[test]
+    fn batches_of_any_size_are_what_all_at_once_is() {
+        let bytes = file(9000, 9000);
+        let whole = read(&bytes).unwrap().particles;
+        // The first batch has the positions that decide the origin.
+        for batch in [4096, 5000, 8999, 9000, 20_000] {
+            let progress = (batch * 41, &() as &dyn Progress);
+            let some =
+                super::read(Path::new("test"), &bytes, &Options::default(), progress).unwrap().particles;
+            assert!(some.positions() == whole.positions(), "{batch}");
+            assert_eq!(some.attributes(), whole.attributes(), "{batch}");
+        }
+        // One row at a time, with an integer that is too large for its type on the way.
+        let ids = |id: u16| if id == 2 { u64::MAX } else { u64::from(id) };
+        let some =
+            super::read(Path::new("test"), &file_of(4, 4, ids), &Options::default(), (1, &())).unwrap();
+        let values = &some.particles.attribute("ID").unwrap().values;
+        assert_eq!(*values, Values::F64(vec![0.0, 1.0, u64::MAX as f64, 3.0]));
     }
 
     #[test]

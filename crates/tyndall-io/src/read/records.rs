@@ -196,6 +196,16 @@ pub(crate) fn join(
     total_bytes: usize,
     progress: &dyn Progress,
 ) -> Result<Builder> {
+    join_around(path, pieces, None, (total_bytes, progress))
+}
+
+/// The same around an origin that is known.
+fn join_around(
+    path: &Path,
+    pieces: &[Layout],
+    origin: Option<DVec3>,
+    (total_bytes, progress): (usize, &dyn Progress),
+) -> Result<Builder> {
     for piece in pieces {
         piece.check(path)?;
     }
@@ -203,11 +213,8 @@ pub(crate) fn join(
     let count = pieces.iter().map(|it| it.count).sum();
     let position =
         |axes: &[Option<Source>; 3], id| axes.map(|axis| axis.map_or(0.0, |source| source.number(id)));
-    let head: Vec<DVec3> = pieces
-        .iter()
-        .flat_map(|it| (0..it.count).map(|id| DVec3::from_array(position(&it.axes, id))))
-        .take(ORIGIN_COUNT)
-        .collect();
+    let rows = pieces.iter().flat_map(|it| (0..it.count).map(|id| DVec3::from_array(position(&it.axes, id))));
+    let head: Vec<DVec3> = origin.map_or_else(|| rows.take(ORIGIN_COUNT).collect(), |origin| vec![origin]);
     let columns = model.fields.iter().enumerate().map(|(place, field)| {
         let kind = field.source.kind;
         let narrow = |piece: &Layout| {
@@ -328,6 +335,78 @@ impl Builder {
             positions: Positions::from_offsets(self.origin, self.offsets),
             attributes: self.attributes,
             ..Columns::default()
+        }
+    }
+}
+
+/// Columns that grow by batches of rows, all around the origin of the first.
+#[derive(Debug, Default)]
+pub(crate) struct Growing {
+    origin: Option<DVec3>,
+    offsets: [Vec<f32>; 3],
+    attributes: Vec<Attribute>,
+}
+
+impl Growing {
+    /// How many rows there are.
+    pub(crate) fn len(&self) -> usize {
+        self.offsets[0].len()
+    }
+
+    /// Appends rows, of `most` in the end. Room is made for as many as are there, once more; never for more than `most`.
+    pub(crate) fn add(
+        &mut self,
+        path: &Path,
+        rows: &Layout,
+        most: usize,
+        progress: &dyn Progress,
+    ) -> Result<()> {
+        let batch = join_around(path, std::slice::from_ref(rows), self.origin, (0, progress))?;
+        let room = (2 * self.len()).max(self.len() + rows.count).min(most.max(self.len() + rows.count));
+        self.origin.get_or_insert(batch.origin);
+        for (column, more) in self.offsets.iter_mut().zip(&batch.offsets) {
+            extend(column, more, room);
+        }
+        if self.attributes.is_empty() {
+            self.attributes = batch.attributes;
+            return Ok(());
+        }
+        let pairs = self.attributes.par_iter_mut().zip(batch.attributes);
+        pairs.for_each(|(attribute, more)| {
+            append(&mut attribute.values, more.values, room * attribute.components)
+        });
+        Ok(())
+    }
+
+    /// All rows, as particles' columns.
+    pub(crate) fn into_columns(self) -> Columns {
+        Columns {
+            positions: Positions::from_offsets(self.origin.unwrap_or(DVec3::ZERO), self.offsets),
+            attributes: self.attributes,
+            ..Columns::default()
+        }
+    }
+}
+
+/// Appends values to a column that has room for `room` then.
+fn extend<T: Copy>(column: &mut Vec<T>, more: &[T], room: usize) {
+    column.reserve_exact(room.saturating_sub(column.len()));
+    column.extend_from_slice(more);
+}
+
+/// Appends values that may be of another type: integers that are too large for the type before are floats.
+fn append(column: &mut Values, more: Values, room: usize) {
+    let doubles = |values: &Values| (0..values.len()).map(|place| values.number(place)).collect::<Vec<f64>>();
+    match (&mut *column, &more) {
+        (Values::F32(column), Values::F32(more)) => extend(column, more, room),
+        (Values::F64(column), Values::F64(more)) => extend(column, more, room),
+        (Values::I32(column), Values::I32(more)) => extend(column, more, room),
+        (Values::I64(column), Values::I64(more)) => extend(column, more, room),
+        (Values::U8(column), Values::U8(more)) => extend(column, more, room),
+        (column, more) => {
+            let mut wide = doubles(column);
+            extend(&mut wide, &doubles(more), room);
+            *column = Values::F64(wide);
         }
     }
 }
