@@ -465,12 +465,6 @@ fn what_does_not_go_with_it_is_refused() {
     assert!(with(&scene, confidence).unwrap().contains("cut"));
     assert!(with(&scene, coverage).unwrap().contains("cut"));
     assert_eq!(with(&scene, Culling::default()), None);
-    let key = KeyLight { toward: Vec3::Z, angular_radius: 0.1, strength: 1.0 };
-    let sky = Sky { zenith: 1.0, ground: 1.0, up: Vec3::Z };
-    let material = Material::Clear { index: 1.5 };
-    scene.lighting =
-        Lighting::Paths(Paths { lights: Lights::Studio(key, sky), material, bounces: 1, lens: None });
-    assert!(with(&scene, Culling::Off).unwrap().contains("--cut"));
     scene.set_cut(&[], None);
     assert_eq!(with(&scene, confidence), None);
 }
