@@ -65,9 +65,9 @@ impl FromStr for Named {
     }
 }
 
-/// The layers that are asked for; refuses those that are not in `possible` or not for that kind of file.
-pub(crate) fn asked<'a>(picture: &'a Picture, path: &Path, possible: &[Layer]) -> Outcome<&'a [Named]> {
-    let Some(named) = &picture.layers else { return Ok(&[]) };
+/// The layers that are asked for, each once; refuses those that are not in `possible` or not for that kind of file.
+pub(crate) fn asked(picture: &Picture, path: &Path, possible: &[Layer]) -> Outcome<Vec<Named>> {
+    let Some(named) = &picture.layers else { return Ok(Vec::new()) };
     if !write::takes_channels(path) {
         let text = format!("--layers is for .exr — {} has colors alone", path.display());
         return Err(Failure::Usage(text));
@@ -80,7 +80,8 @@ pub(crate) fn asked<'a>(picture: &'a Picture, path: &Path, possible: &[Layer]) -
         let names: Vec<String> = possible.iter().map(|layer| layer.name()).collect();
         return Err(Error::setting("--layers", other, format!("here {}", names.join(" "))).into());
     }
-    Ok(named)
+    let is_new = |place: &usize| !named[..*place].contains(&named[*place]);
+    Ok((0..named.len()).filter(is_new).map(|place| named[place].clone()).collect())
 }
 
 /// The quantities among what is named, as they were written.

@@ -152,7 +152,7 @@ impl Job<'_> {
             true => (Some(Found::of(&self.args.selection, particles)?), (None, None)),
             false => (None, selection::shown(&self.args.selection, particles)?),
         };
-        let numbers = Numbers::of(particles, self.layers, &look.color)?;
+        let numbers = Numbers::of(particles, &self.layers, &look.color)?;
         if parts.is_some() && !numbers.is_empty() {
             let allowed =
                 "without numbers of particles: these do not fit the memory with what each has of its own";
@@ -331,7 +331,7 @@ impl Job<'_> {
         };
         let shot = Shot {
             picture: &self.args.picture,
-            layers: self.layers,
+            layers: &self.layers,
             numbers: &built.numbers,
             settings: &self.settings,
             goal: self.goal,

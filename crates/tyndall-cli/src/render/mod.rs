@@ -51,7 +51,7 @@ pub(crate) fn run(args: &args::Render, report: &Report) -> Outcome<()> {
     let mut output = Output::new(args, report)?;
     let known = input::known_count(&args.input.files)?;
     job.check_memory(&Work::of_count(known, job.structure, job.settings), Reading::Parts)?;
-    let of_layers = layers::quantities(job.layers).map(String::from);
+    let of_layers = layers::quantities(&job.layers).map(String::from);
     let wanted = Wanted {
         coloring: args.look.color.clone(),
         filters: args.selection.all_filters(),
@@ -112,7 +112,7 @@ struct Job<'a> {
     lights: Option<Lights>,
     illustration: Illustration,
     pattern: Pattern,
-    layers: &'a [Named],
+    layers: Vec<Named>,
     renders: Renders,
     goal: Goal,
     meshes: Meshes,

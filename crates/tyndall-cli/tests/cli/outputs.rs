@@ -86,7 +86,7 @@ fn an_exr_has_the_attributes_that_are_asked_for() {
     let row = |it: usize| format!("C {it} 0 0 {} {} {} -1\n", 10 * it, it + 1, it * it);
     let rows: String = (0..4).map(row).collect();
     folder.file("a.xyz", format!("4\nProperties=species:S:1:pos:R:3:q:R:1:velo:R:3\n{rows}"));
-    folder.render("a.xyz -o a.exr --radius 0.4 --look flat --layers id,q,velo,velo.y,x,q*2").fine();
+    folder.render("a.xyz -o a.exr --radius 0.4 --look flat --layers id,q,velo,velo.y,x,q*2,q,id").fine();
     let (channels, ..) = exr_of(&folder.path("a.exr"));
     let names: Vec<&str> = channels.keys().map(String::as_str).collect();
     assert_eq!(names, ["A", "B", "G", "R", "id", "q", "q*2", "velo.X", "velo.Y", "velo.Z", "velo.y", "x"]);
