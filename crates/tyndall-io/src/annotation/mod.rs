@@ -1,7 +1,7 @@
 //! What is written over a picture: title, labels, what colors mean, scale bar, axes. Sizes follow the picture's.
 //!
 //! An [`Item`] says what; its layout is a `Block` of marks: areas, texts and runs of colors, in pixels. [`Annotations::arrange`]
-//! finds places that cover no data, [`Annotations::draw`] turns marks into pixels, [`key_svg`] into SVG. Edges lie on pixels or cover them by
+//! finds places that cover no data, [`Layout::draw`] turns marks into pixels, [`key_svg`] into SVG. Edges lie on pixels or cover them by
 //! area, so that all is crisp at any size; the colors of a bar are those of the particles, to the bit.
 
 mod axes;
