@@ -6,7 +6,7 @@
 use glam::Vec3;
 
 use super::free_path::Tracker;
-use super::gather::PhotonMap;
+use super::gather::{self, PhotonMap};
 use super::harmonics;
 use super::solids::Solids;
 use crate::math::Ray;
@@ -31,7 +31,8 @@ impl<'a> BruteForce<'a> {
 
     /// The same with opaque bodies in the medium: those around which the photons were traced.
     pub fn with_solids(self, solids: Solids<'a>) -> Self {
-        Self { solids: Some(solids), ..self }
+        let covered = gather::covered(self.tracker.medium(), solids);
+        Self { solids: Some(solids), photons: self.photons.outside(Some(covered)), ..self }
     }
 
     /// The radiance that scattering and emission add at a point, per extinction, against `direction`.

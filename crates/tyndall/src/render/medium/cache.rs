@@ -209,8 +209,9 @@ impl Cache {
         progress: &dyn Progress,
     ) -> Result<Self> {
         let builder = Builder::new(medium, lights, solids, settings, progress)?;
-        let direct = builder.direct();
+        let mut direct = builder.direct();
         let (fields, gathered) = builder.smooth(&direct, settings)?;
+        builder.shade(&mut direct);
         Ok(builder.finish(direct, fields, gathered))
     }
 

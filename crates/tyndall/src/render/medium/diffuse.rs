@@ -24,6 +24,8 @@ pub(super) struct Channel {
     pub(super) albedo: f32,
     /// Mean cosine of scattering.
     pub(super) g: f32,
+    /// The share of what a direction scatters that is taken as not scattered: extinction and albedo are without it.
+    pub(super) peak: f32,
     /// Order of the spherical harmonics.
     pub(super) order: usize,
 }
@@ -211,7 +213,8 @@ impl<'a> Solver<'a> {
         let bodies = self.levels[place].bodies.as_ref().map_or(0.0, |bodies| bodies.albedo);
         let share_of_bodies = self.shares[place].as_deref();
         for (coefficients, order) in radiance.iter_mut().zip(ORDER) {
-            let share = self.channel.albedo * self.channel.g.powi(order);
+            let Channel { albedo, g, peak, .. } = self.channel;
+            let share = albedo * (g.powi(order) - peak) / (1.0 - peak);
             // What bodies throw back is taken as even.
             let back = if order == 0 { bodies } else { 0.0 };
             match share_of_bodies {

@@ -29,6 +29,18 @@ pub(super) fn anchored(grid: &Grid, spacing: f32, anchor: Vec3) -> Lattice {
     Lattice { origin, spacing, size: steps.as_uvec3().to_array().map(|steps| steps + 1 + PADDING) }
 }
 
+/// A spacing for which a lattice over the grid has no more than `most` samples, at least `least`.
+pub(super) fn spacing(grid: &Grid, least: f32, most: f64) -> f32 {
+    let samples = samples(grid, least);
+    if samples <= most { least } else { least * (samples / most).cbrt() as f32 }
+}
+
+/// Samples of a lattice over the grid, padding included.
+pub(super) fn samples(grid: &Grid, spacing: f32) -> f64 {
+    let along = |count: u32| f64::from((count - 1) as f32 * grid.spacing() / spacing) + 5.0;
+    grid.size().map(along).iter().product()
+}
+
 /// Values at the samples of a lattice, x fastest, then y, then z.
 #[derive(Clone, Debug)]
 pub(super) struct Field {

@@ -5,13 +5,16 @@
 //! lattice as wide as the radius, so that a ball meets at most 27 cells.
 //! Source: H. Jensen, P. Christensen, SIGGRAPH 1998; D. Cha, S. Son, I. Ihm, EGSR 2009.
 
+use std::sync::Arc;
+
 use glam::{IVec3, Vec3};
 use rayon::prelude::*;
 
 use super::balls::{self, Wanted};
-use super::field::sample;
+use super::field::{Field, anchored, sample, spacing};
 use super::harmonics;
 use super::photons::{Photon, Photons};
+use super::solids::Solids;
 use crate::error::{Error, Result};
 use crate::medium::Medium;
 use crate::medium::grid::Lattice;
@@ -36,6 +39,8 @@ const SHRINKAGE: f32 = 2.0 / 3.0;
 /// Points of a ball at which the density is looked up, and of one that is mostly empty: there the few may miss what little there is.
 const POINTS: usize = 32;
 const FINE_POINTS: usize = 256;
+/// Samples of the space that bodies take.
+const MOST_SAMPLES: f64 = 4e6;
 /// So few filled points are mostly empty.
 const FEW: usize = POINTS / 4;
 
@@ -51,6 +56,8 @@ pub struct PhotonMap<'a> {
     photons: Vec<Photon>,
     points: Vec<Vec3>,
     fine_points: Vec<Vec3>,
+    /// The share of space that bodies take, in which nothing scatters.
+    covered: Option<Arc<Field>>,
 }
 
 impl<'a> PhotonMap<'a> {
@@ -80,6 +87,7 @@ impl<'a> PhotonMap<'a> {
             photons: photons.stored.clone(),
             points: ball(POINTS),
             fine_points: ball(FINE_POINTS),
+            covered: None,
         };
         let cell = |photon: &Photon| map.cell(photon.position);
         let mut keyed: Vec<(u32, u32)> = photons
@@ -97,6 +105,11 @@ impl<'a> PhotonMap<'a> {
             map.starts[cell] = map.starts[cell].max(map.starts[cell - 1]);
         }
         Ok(map)
+    }
+
+    /// The same where bodies take a share of space, as [`covered`] finds it.
+    pub(super) fn outside(self, covered: Option<Arc<Field>>) -> Self {
+        Self { covered, ..self }
     }
 
     /// The widest that a ball is.
@@ -162,9 +175,13 @@ impl<'a> PhotonMap<'a> {
         Ok(columns)
     }
 
-    /// Mass in a ball.
+    /// Mass in a ball, outside bodies.
     fn mass(&self, at: Vec3, radius: f32) -> f32 {
-        let density = |point: &Vec3| self.medium.density().density(at + radius * point);
+        let density = |point: &Vec3| {
+            let at = at + radius * point;
+            let free = self.covered.as_ref().map_or(1.0, |covered| 1.0 - covered.value(at));
+            free * self.medium.density().density(at)
+        };
         let (mut sum, mut filled) = (0.0, 0);
         for found in self.points.iter().map(density) {
             sum += found;
@@ -249,6 +266,13 @@ impl<'a> PhotonMap<'a> {
         let place = self.place(at);
         (place.z as usize * self.size[1] + place.y as usize) * self.size[0] + place.x as usize
     }
+}
+
+/// The share of space in a medium that bodies take, around which photons were traced.
+pub(super) fn covered(medium: &Medium, solids: Solids) -> Arc<Field> {
+    let grid = medium.density();
+    let spacing = spacing(grid, grid.spacing(), MOST_SAMPLES);
+    Arc::new(solids.covered(anchored(grid, spacing, grid.origin())))
 }
 
 /// A radius for [`AUTOMATIC`] photons a ball.

@@ -28,6 +28,12 @@ pub(super) fn order_for(g: f32) -> usize {
     }
 }
 
+/// The share of scattering with the mean cosine `g` that goes so straight on that radiance up to `order` cannot tell it from light that was not scattered.
+/// Source: W. Wiscombe, "The delta-M method", Journal of the Atmospheric Sciences 34, 1977.
+pub(super) fn peak(g: f32, order: usize) -> f32 {
+    if g > 0.0 { g.powi(order as i32 + 1) } else { 0.0 }
+}
+
 /// All functions in a direction of unit length.
 pub(super) fn evaluate(direction: Vec3) -> [f32; COUNT] {
     let Vec3 { x, y, z } = direction;

@@ -2,10 +2,10 @@
 
 use std::f32::consts::{PI, TAU};
 
-use glam::Vec3;
+use glam::{Vec3, Vec4};
 use rayon::prelude::*;
 
-use super::field::sample;
+use super::field::{Field, sample};
 use crate::math::{Bounds, Ray};
 use crate::medium::grid::Lattice;
 use crate::pages;
@@ -55,16 +55,23 @@ impl<'a> Solids<'a> {
         self.scene.is_shadowed(ray, except)
     }
 
-    /// Mean color.
-    fn color(&self) -> Vec3 {
-        let nodes = self.scene.structure().nodes();
-        let color = |node: u32| Vec3::from(self.scene.color(self.scene.structure().original(node)));
+    /// The share that the balls on a lattice throw back of what they meet at a point so that the bodies throw back theirs: the mean by cross section.
+    fn color(&self, spacing: f32) -> Vec3 {
+        let structure = self.scene.structure();
+        let weighted = |node: u32| {
+            let (_, radius) = structure.sphere(node);
+            let color = Vec3::from(self.scene.color(structure.original(node)));
+            let caught = caught(radius, spacing);
+            (radius * radius * (1.0 + caught) * color / (1.0 + caught * color)).extend(radius * radius)
+        };
         // The same sum for any number of threads: chunks of a fixed size, in order.
-        let chunks: Vec<Vec3> = (0..nodes.div_ceil(CHUNK))
+        let chunks: Vec<Vec4> = (0..structure.nodes().div_ceil(CHUNK))
             .into_par_iter()
-            .map(|chunk| (chunk * CHUNK..((chunk + 1) * CHUNK).min(nodes)).map(color).sum())
+            .map(|chunk| chunk * CHUNK..((chunk + 1) * CHUNK).min(structure.nodes()))
+            .map(|nodes| nodes.filter(|&node| structure.shows(node)).map(weighted).sum())
             .collect();
-        chunks.into_iter().sum::<Vec3>() / nodes.max(1) as f32
+        let sum: Vec4 = chunks.into_iter().sum();
+        sum.truncate() / sum.w.max(f32::MIN_POSITIVE)
     }
 
     /// Dims the `transmittances` of the samples of a lattice, `channels` each, by the share of their cells at which a light is hidden; `toward` tells for a place the
@@ -119,21 +126,46 @@ impl<'a> Solids<'a> {
         let thickness = Thickness::new();
         for node in (0..structure.nodes()).filter(|&node| structure.shows(node)) {
             let (center, radius) = structure.sphere(node);
-            let radiance = self.scene.glow(structure.original(node));
-            spread(&lattice, center, radius, &thickness, |place, added| {
-                // What overlaps is not thicker than what is full.
-                let added =
-                    (added.min(MOST) / lattice.spacing).min(MOST / lattice.spacing - extinction[place]);
-                extinction[place] += added;
-                for (sum, radiance) in glow.iter_mut().flatten().zip(radiance) {
-                    sum[place] += added * radiance;
-                }
-            });
+            let original = structure.original(node);
+            // What leaves a ball was thrown back within it.
+            let color = Vec3::from(self.scene.color(original));
+            let radiance =
+                Vec3::from(self.scene.glow(original)) / (1.0 + caught(radius, lattice.spacing) * color);
+            spread(
+                &lattice,
+                center,
+                radius,
+                |wide| thickness.of(wide),
+                |place, added| {
+                    // What overlaps is not thicker than what is full.
+                    let added =
+                        (added.min(MOST) / lattice.spacing).min(MOST / lattice.spacing - extinction[place]);
+                    extinction[place] += added;
+                    for (sum, radiance) in glow.iter_mut().flatten().zip(radiance.to_array()) {
+                        sum[place] += added * radiance;
+                    }
+                },
+            );
         }
         for values in glow.iter_mut().flatten() {
             values.iter_mut().zip(&extinction).for_each(|(sum, it)| *sum /= it.max(f32::MIN_POSITIVE));
         }
-        Smooth { extinction, color: self.color(), glow }
+        Smooth { extinction, color: self.color(lattice.spacing), glow }
+    }
+
+    /// The share of each cell of a lattice that lies within bodies, where they do not overlap.
+    pub(super) fn covered(&self, lattice: Lattice) -> Field {
+        let mut values = pages::zeros(lattice.sample_count() as usize);
+        let structure = self.scene.structure();
+        // The ball is wider than the sphere, of which there is no more than there is.
+        let filled = |wide: f32| 4.0 / 3.0 * PI * wide.powi(3) / volume(wide);
+        for node in (0..structure.nodes()).filter(|&node| structure.shows(node)) {
+            let (center, radius) = structure.sphere(node);
+            spread(&lattice, center, radius, filled, |place, added| {
+                values[place] = (values[place] + added).min(1.0_f32);
+            });
+        }
+        Field { lattice, values }
     }
 }
 
@@ -148,19 +180,25 @@ const CHUNK: u32 = 1 << 16;
 pub(super) struct Smooth {
     /// Per unit length, at the samples of a lattice.
     pub(super) extinction: Vec<f32>,
-    /// RGB share.
+    /// RGB share that is thrown back at each point.
     pub(super) color: Vec3,
     /// Of each channel the radiance that they give off, at the samples, if they do.
     pub(super) glow: Option<[Vec<f32>; 3]>,
 }
 
-/// Tells for each sample that a sphere covers how much extinction it adds there, in one over the spacing. A ball stands for the sphere whose rim is as wide as a cell, so that it has no steps; it
-/// is so thick that it stops as much light as the sphere does by its cross section.
+/// How often light that is thrown back within the ball of a sphere meets the ball again for each time that it escapes: half the radius in cells, a fit to solved
+/// transport.
+fn caught(radius: f32, spacing: f32) -> f32 {
+    0.5 * radius / spacing
+}
+
+/// Tells for each sample that a sphere covers how much it adds there: `amount` of the radius in cells, all over the ball that stands for the sphere, whose rim is as wide as a cell, so that it has
+/// no steps.
 fn spread(
     lattice: &Lattice,
     center: Vec3,
     radius: f32,
-    thickness: &Thickness,
+    amount: impl Fn(f32) -> f32,
     mut add: impl FnMut(usize, f32),
 ) {
     let Lattice { origin, spacing, size } = *lattice;
@@ -188,7 +226,7 @@ fn spread(
     // Samples have as much in all as the ball has.
     let sum: f32 = cells().map(|(_, share)| share).sum();
     if sum > 0.0 {
-        let each = thickness.of(wide) * (volume(wide) / sum).min(MOST_EACH);
+        let each = amount(wide) * (volume(wide) / sum).min(MOST_EACH);
         cells().filter(|(_, share)| *share > 0.0).for_each(|(place, share)| add(place, each * share));
     }
 }
@@ -212,7 +250,7 @@ fn volume(wide: f32) -> f32 {
     4.0 * PI * (inner.powi(3) / 3.0 * (wide + RIM - inner).min(1.0) + shell(outer) - shell(inner))
 }
 
-/// How thick balls are, by the radius of their spheres.
+/// How thick balls are, by the radius of their spheres: they stop as much light as the spheres do by their cross sections.
 struct Thickness(Vec<f32>);
 
 impl Thickness {

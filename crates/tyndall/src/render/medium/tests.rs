@@ -210,6 +210,7 @@ fn pictures_agree_with_the_reference() {
     for (name, medium, lights) in [
         ("grey sun and sky", lumps(grey(6.0, 0.95, 0.0)), vec![sun([PI; 3]), sky([0.25; 3])]),
         ("forward", lumps(grey(6.0, 0.9, 0.6)), vec![sun([PI; 3]), sky([0.25; 3])]),
+        ("straight on", lumps(grey(9.0, 0.95, 0.85)), vec![sun([PI; 3]), sky([0.25; 3])]),
         ("backward", lumps(grey(6.0, 0.9, -0.3)), vec![sun([PI, 2.0, 1.0])]),
         ("colored", lumps(color), vec![sun([3.0, 2.0, 1.0]), sky([0.1, 0.2, 0.4])]),
         ("point inside", lumps(grey(4.0, 0.9, 0.3)), vec![point]),

@@ -1,12 +1,14 @@
 //! Filling the cache: lattices are chosen, lights without extent are looked up through the medium, the rest is solved or gathered.
 
+use std::sync::Arc;
+
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
 use super::super::balls::Wanted;
 use super::super::columns::{self, Source};
 use super::super::diffuse::{self, Accuracy, Bodies, Channel, Level};
-use super::super::field::{Field, anchored, sample};
+use super::super::field::{Field, anchored, sample, samples, spacing};
 use super::super::gather::{PhotonMap, Radius};
 use super::super::harmonics::{self, count};
 use super::super::photons::{self, Stored};
@@ -16,7 +18,7 @@ use super::{Cache, Channels, Direct, Gathered, Multiple, Settings};
 use crate::error::{Error, Result};
 use crate::math::exp_minus;
 use crate::medium::grid::Lattice;
-use crate::medium::{Grid, Light, Medium};
+use crate::medium::{Light, Medium};
 use crate::pages;
 use crate::progress::Progress;
 
@@ -36,10 +38,15 @@ pub(super) struct Builder<'a> {
     lights: &'a [Light],
     /// The same, with the suns of images of the sky as lights of their own.
     parted: Vec<Light>,
+    /// Outside bodies.
     density: Field,
+    /// The share of space that bodies take, at the same samples.
+    covered: Option<Arc<Field>>,
     /// Lattices to solve on, from fine to coarse.
     lattices: Vec<Lattice>,
     order: usize,
+    /// The share of scattering that is taken as going straight on, like light that was not scattered.
+    peak: f32,
     channels: Channels,
     ordinates: Vec<Vec3>,
     solids: Option<Solids<'a>>,
@@ -84,30 +91,38 @@ impl<'a> Builder<'a> {
         }
         let [spacing, smooth] = spacings(medium, settings);
         let anchor = settings.anchor.unwrap_or(grid.origin());
+        let lattice = anchored(grid, spacing, anchor);
+        let covered = solids.map(|it| Arc::new(it.covered(lattice)));
+        let density = outside(Field::density(grid, lattice), covered.as_deref());
         let mut lattices = vec![anchored(grid, smooth, anchor)];
         while let Some(last) = lattices.last().filter(|it| it.sample_count() > COARSEST) {
             lattices.push(anchored(grid, 2.0 * last.spacing, anchor));
         }
         progress.begin("light", None, "");
         let g = medium.optics().phase.g();
+        let order = harmonics::order_for(g);
+        // What photons bring was scattered in every direction.
+        let peak = if settings.multiple == Multiple::Sweeps { harmonics::peak(g, order) } else { 0.0 };
         Ok(Self {
             medium,
             lights,
             parted: lights.iter().flat_map(parted).collect(),
-            density: Field::density(grid, anchored(grid, spacing, anchor)),
+            density,
+            covered,
             bodies: solids.iter().flat_map(|it| lattices.iter().map(|lattice| it.smooth(*lattice))).collect(),
             solids,
             lattices,
-            order: harmonics::order_for(g),
+            order,
+            peak,
             channels: Channels::of(medium, lights, solids),
             ordinates: harmonics::directions(settings.directions as usize),
             progress,
         })
     }
 
-    /// Transmittance between the samples and each light without extent.
+    /// Transmittance of the medium alone, straight on, between the samples and each light without extent.
     pub(super) fn direct(&self) -> Vec<Direct> {
-        let extinction = self.medium.optics().extinction;
+        let extinction = [0, 1, 2].map(|channel| self.channel(channel).extinction);
         let is_grey = extinction[0] == extinction[1] && extinction[1] == extinction[2];
         let channels = if is_grey { &extinction[..1] } else { &extinction[..] };
         let sharp = self.parted.iter().filter_map(|light| Some((light, source(light)?)));
@@ -119,13 +134,6 @@ impl<'a> Builder<'a> {
                 let of_sample = |&it: &f32| channels.iter().map(move |extinction| exp_minus(extinction * it));
                 transmittance = transmittance.iter().flat_map(of_sample).collect();
             }
-            if let Some(solids) = &self.solids {
-                let toward = |at: Vec3| {
-                    let arrival = light.toward(at, [0.5; 2]);
-                    (arrival.toward, arrival.distance)
-                };
-                solids.shade(&self.density.lattice, &mut transmittance, channels.len(), toward);
-            }
             Direct {
                 light: light.clone(),
                 lattice: self.density.lattice,
@@ -134,6 +142,18 @@ impl<'a> Builder<'a> {
             }
         };
         sharp.map(direct).collect()
+    }
+
+    /// Dims lights where bodies hide them.
+    pub(super) fn shade(&self, direct: &mut [Direct]) {
+        let Some(solids) = &self.solids else { return };
+        for Direct { light, lattice, transmittance, channels } in direct {
+            let toward = |at: Vec3| {
+                let arrival = light.toward(at, [0.5; 2]);
+                (arrival.toward, arrival.distance)
+            };
+            solids.shade(lattice, transmittance, *channels, toward);
+        }
     }
 
     /// Coefficients of the light of the sky and of that scattered before, in each channel that is solved.
@@ -202,7 +222,7 @@ impl<'a> Builder<'a> {
         let level = |(place, &lattice): (usize, &Lattice)| {
             let density = self.density.coarsened(lattice);
             let emitted = self.emitted(channel, &density);
-            let direct = self.unscattered(direct, channel, lattice);
+            let direct = self.unscattered(direct, channel, place);
             Level { direct, density, emitted, bodies: self.bodies_of(place, channel) }
         };
         let levels: Vec<Level> = self.lattices.iter().enumerate().map(level).collect();
@@ -236,7 +256,7 @@ impl<'a> Builder<'a> {
             let settings = photons::Settings { seed, stored: Stored::Multiple, ..*settings };
             let photons =
                 photons::trace_around(self.medium, self.lights, self.solids, &settings, self.progress)?;
-            let map = PhotonMap::new(self.medium, &photons, radius)?;
+            let map = PhotonMap::new(self.medium, &photons, radius)?.outside(self.covered.clone());
             let gathered = map.columns(&self.lattices[0], &wanted, self.progress)?;
             sums.resize_with(gathered.len(), || pages::zeros(self.lattices[0].sample_count() as usize));
             for (sum, gathered) in sums.iter_mut().zip(gathered) {
@@ -271,29 +291,41 @@ impl<'a> Builder<'a> {
     fn emitted(&self, channel: usize, density: &Field) -> Option<Vec<f32>> {
         let emission = self.medium.emission()?;
         let [even, ..] = harmonics::evaluate(Vec3::Z);
-        let share = self.medium.emitting_share()[channel] / even;
+        let share = self.medium.emitting_share()[channel] / (even * self.left(channel));
         let Some(glow) = emission.channel(channel) else {
             let radiance = emission.one_radiance().map_or(0.0, |it| it[channel]);
             return Some(vec![share * radiance; density.values.len()]);
         };
         let product = Field::product(self.medium.density(), glow, self.density.lattice);
+        let product = outside(product, self.covered.as_deref());
         let mut emitted = product.coarsened(density.lattice).over(density).values;
         emitted.par_iter_mut().for_each(|it| *it *= share);
         Some(emitted)
     }
 
+    /// The share of the extinction that is not scattering straight on.
+    fn left(&self, channel: usize) -> f32 {
+        1.0 - self.medium.optics().albedo[channel] * self.peak
+    }
+
     fn channel(&self, channel: usize) -> Channel {
         let optics = self.medium.optics();
+        let (extinction, albedo) = (optics.extinction[channel], optics.albedo[channel]);
+        let left = self.left(channel);
         Channel {
-            extinction: optics.extinction[channel],
-            albedo: optics.albedo[channel],
+            extinction: left * extinction,
+            albedo: albedo * (1.0 - self.peak) / left,
             g: optics.phase.g(),
+            peak: self.peak,
             order: self.order,
         }
     }
 
-    /// Coefficients of the light of lights without extent at the samples of a coarse lattice: means weighted by density.
-    fn unscattered(&self, direct: &[Direct], channel: usize, lattice: Lattice) -> Vec<Vec<f32>> {
+    /// Coefficients of the light of lights without extent at the samples of the lattice of that number: means weighted by density. Bodies weaken it as they weaken
+    /// smooth light, so that they throw back the right share of what they stop.
+    fn unscattered(&self, direct: &[Direct], channel: usize, place: usize) -> Vec<Vec<f32>> {
+        let lattice = self.lattices[place];
+        let bodies = self.bodies.get(place).map(|it| Field { lattice, values: it.extinction.clone() });
         let samples = lattice.sample_count() as usize;
         let mut coefficients: Vec<Vec<f32>> = (0..count(self.order)).map(|_| pages::zeros(samples)).collect();
         let weights = diffuse::weights(&self.density);
@@ -304,7 +336,11 @@ impl<'a> Builder<'a> {
             let first = channel.min(direct.channels - 1);
             let of_channel: Vec<f32> =
                 direct.transmittance[first..].iter().step_by(direct.channels).copied().collect();
-            let transmittance = diffuse::mean(&weights, &total, &of_channel);
+            let mut transmittance = diffuse::mean(&weights, &total, &of_channel);
+            if let Some((bodies, source)) = bodies.as_ref().zip(source(&direct.light)) {
+                let thickness = columns::thickness(bodies, source).values;
+                transmittance.values.iter_mut().zip(thickness).for_each(|(it, t)| *it *= exp_minus(t));
+            }
             for (place, &transmittance) in transmittance.values.iter().enumerate() {
                 let arrival = direct.light.toward(lattice.position(sample(&lattice, place)), [0.5; 2]);
                 let spread =
@@ -387,7 +423,6 @@ impl<'a> Builder<'a> {
         };
         if self.order == 0 {
             cache.lit = Some(cache.lit(self.medium, None));
-            cache.far = Vec::new();
         }
         cache
     }
@@ -453,6 +488,14 @@ fn change(before: &[Vec<f32>], sums: &[Vec<f32>], density: &[f32]) -> f32 {
     (change / all.max(f64::MIN_POSITIVE)).sqrt() as f32
 }
 
+/// What is left of a field outside bodies, which take a share of the space at each sample.
+fn outside(mut field: Field, covered: Option<&Field>) -> Field {
+    for (value, covered) in field.values.iter_mut().zip(covered.iter().flat_map(|it| &it.values)) {
+        *value *= 1.0 - covered;
+    }
+    field
+}
+
 /// Distances of the samples of lights without extent, and of what is smooth.
 pub(super) fn spacings(medium: &Medium, settings: &Settings) -> [f32; 2] {
     let grid = medium.density();
@@ -461,18 +504,6 @@ pub(super) fn spacings(medium: &Medium, settings: &Settings) -> [f32; 2] {
     let steps = if medium.emission().is_some() { 1.0 } else { 2.0 };
     let smooth = || spacing(grid, steps * sharp, MOST_SAMPLES[1]);
     [sharp, settings.diffuse_spacing.unwrap_or_else(smooth)]
-}
-
-/// A spacing for which a lattice over the grid has no more than `most` samples, at least `least`.
-fn spacing(grid: &Grid, least: f32, most: f64) -> f32 {
-    let samples = samples(grid, least);
-    if samples <= most { least } else { least * (samples / most).cbrt() as f32 }
-}
-
-/// Samples of a lattice over the grid, padding included.
-fn samples(grid: &Grid, spacing: f32) -> f64 {
-    let along = |count: u32| f64::from((count - 1) as f32 * grid.spacing() / spacing) + 5.0;
-    grid.size().map(along).iter().product()
 }
 
 /// The mean of one over the square of the distance from a light over a ball whose middle is `distance` away, in units of that at the

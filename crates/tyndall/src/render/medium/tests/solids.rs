@@ -1,8 +1,13 @@
 //! Opaque spheres in media against closed forms, and the cache, the march and photons against the reference.
 
 use super::*;
+use crate::medium::grid::Lattice;
 use crate::particles::{Columns, Particles, Positions, Radii};
+use crate::render::medium::diffuse::{self, Accuracy, Bodies, Channel, Level};
+use crate::render::medium::field::Field;
+use crate::render::medium::harmonics;
 use crate::render::medium::solids::Solids;
+use crate::render::medium::sweep::Ordinate;
 use crate::scene::Scene;
 use crate::scene::color::ParticleColors;
 use crate::scene::light::Lighting;
@@ -139,7 +144,7 @@ fn spheres_in_smoke_are_those_of_the_reference() {
         let [found, wanted] = [mean(&found), mean(&wanted)];
         println!("scene {number}: relMSE {error:.5}, means {found} and {wanted}");
         assert!(error < 0.01, "scene {number}: {error}");
-        assert!((found / wanted - 1.0).abs().max_element() < 0.06, "scene {number}: {found} {wanted}");
+        assert!((found / wanted - 1.0).abs().max_element() < 0.035, "scene {number}: {found} {wanted}");
     }
 }
 
@@ -155,15 +160,16 @@ fn photons_from_spheres_bring_their_light() {
         memory_bytes: None,
     };
     let bodies = Solids::new(&solids);
-    let traced = photons::trace_around(&medium, &lights, Some(bodies), &photons, &()).unwrap();
-    let kept = traced.escaped_power + traced.absorbed_power;
-    assert!(kept.abs_diff_eq(traced.emitted_power, 1e-3 * traced.emitted_power.x), "{traced:?}");
+    let emitted = photons::trace_around(&medium, &lights, Some(bodies), &photons, &()).unwrap();
+    let kept = emitted.escaped_power + emitted.absorbed_power;
+    assert!(kept.abs_diff_eq(emitted.emitted_power, 1e-3 * emitted.emitted_power.x), "{emitted:?}");
 
     let multiple = Multiple::Photons(photons, Radius::default(), 1);
     let settings = Settings { multiple, ..Settings::default() };
     let by_photons = mean(&marched(&medium, &lights, &solids, &settings, 16));
-    let by_sweeps = mean(&marched(&medium, &lights, &solids, &Settings::default(), 16));
-    assert!((by_photons / by_sweeps - 1.0).abs().max_element() < 0.05, "{by_photons} {by_sweeps}");
+    let wanted = mean(&traced(&medium, &lights, &solids, None, 96));
+    println!("photons {by_photons}, reference {wanted}");
+    assert!((by_photons / wanted - 1.0).abs().max_element() < 0.02, "{by_photons} {wanted}");
 }
 
 #[test]
@@ -180,8 +186,8 @@ fn without_a_cache_spheres_shadow_matter_too() {
     let bodies = Solids::new(&solids);
     let multiple = Multiple::Photons(photons, Radius::default(), 1);
     let photons = photons::trace_around(&medium, &lights, Some(bodies), &photons, &()).unwrap();
-    let found = |is_shadowed: bool| {
-        let map = PhotonMap::new(&medium, &photons, Radius::default()).unwrap();
+    let found = |photons: &photons::Photons, is_shadowed: bool| {
+        let map = PhotonMap::new(&medium, photons, Radius::default()).unwrap();
         let brute = BruteForce::new(&medium, &lights, map);
         let brute = if is_shadowed { brute.with_solids(bodies) } else { brute };
         let knobs = march::Settings { samples: 2, step: 2.0, ..SMALL };
@@ -191,12 +197,18 @@ fn without_a_cache_spheres_shadow_matter_too() {
         march.pass(&()).unwrap();
         mean(&march.pixels())
     };
-    let settings = Settings { multiple, ..Settings::default() };
-    let wanted = mean(&marched(&medium, &lights, &solids, &settings, 4));
-    let (with, without) = (found(true), found(false));
-    println!("{with}, {without} without shadows, {wanted}");
-    assert!((with / wanted - 1.0).abs().max_element() < 0.05, "{with} {wanted}");
-    assert!((without / with).min_element() > 1.03, "{without} {with}");
+    let cached = |multiple| {
+        let settings = Settings { multiple, ..Settings::default() };
+        mean(&marched(&medium, &lights, &solids, &settings, 4))
+    };
+    let none = photons::Photons::default();
+    let pairs = [(found(&photons, true), cached(multiple)), (found(&none, true), cached(Multiple::None))];
+    for (found, wanted) in pairs {
+        println!("{found} and {wanted} from a cache");
+        assert!((found / wanted - 1.0).abs().max_element() < 0.05, "{found} {wanted}");
+    }
+    let without = found(&none, false);
+    assert!((without / pairs[1].0).min_element() > 1.03, "{without} {pairs:?}");
 }
 
 #[test]
@@ -219,7 +231,7 @@ fn spheres_that_glow_are_seen_and_light_the_matter_around_them() {
     let wanted = mean(&traced(&medium, &[], &solids, None, 64));
     let found = mean(&marched(&medium, &[], &solids, &Settings::default(), 16));
     println!("glowing: {found} and {wanted}");
-    assert!((found / wanted - 1.0).abs().max_element() < 0.08, "{found} {wanted}");
+    assert!((found / wanted - 1.0).abs().max_element() < 0.04, "{found} {wanted}");
     assert!(solids.set_glow(Some(&[[-1.0, 0.0, 0.0]; 14])).is_err());
 }
 
@@ -231,4 +243,45 @@ fn no_spheres_change_nothing() {
     let with = mean(&marched(&medium, &lights, &nothing, &Settings::default(), 4));
     let without = mean(&cached(&medium, &lights, &Settings::default()));
     assert!((with / without - 1.0).abs().max_element() < 1e-3, "{with} {without}");
+}
+
+#[test]
+fn balls_for_smooth_light_throw_back_what_spheres_do() {
+    let [even, ..] = harmonics::evaluate(Vec3::Z);
+    let along = Vec3::new(0.48, 0.6, -0.64);
+    let ordinate = |direction, inflow| Ordinate { direction, weight: 4.0 * PI / 64.0, inflow };
+    for wide in [0.3_f32, 1.0, 2.0, 4.0] {
+        let edge = (2.0 * wide + 6.0).ceil() as u32;
+        let lattice = Lattice { origin: Vec3::ZERO, spacing: 1.0, size: [edge; 3] };
+        let nothing = vec![0.0; lattice.sample_count() as usize];
+        for color in [0.0, 0.2, 0.5, 0.9] {
+            let solids = spheres(&[Vec3::splat(0.5 * edge as f32 - 0.37)], wide, [color; 3]);
+            let smooth = Solids::new(&solids).smooth(lattice);
+            let albedo = smooth.color.x;
+            let extinction = Field { lattice, values: smooth.extinction };
+            let beam: Vec<f32> = thickness(&extinction, Source::Distant(along))
+                .values
+                .iter()
+                .map(|t| even * (-t).exp())
+                .collect();
+            // The share that is kept of an even sky's light, and of a beam's.
+            for (inflow, direct, light) in [(1.0, &nothing, 4.0 * PI), (0.0, &beam, 1.0)] {
+                let ordinates: Vec<_> =
+                    harmonics::directions(64).into_iter().map(|it| ordinate(it, inflow)).collect();
+                let bodies = Bodies { extinction: extinction.values.clone(), albedo, emitted: None };
+                let density = Field { lattice, values: nothing.clone() };
+                let level =
+                    Level { density, direct: vec![direct.clone()], emitted: None, bodies: Some(bodies) };
+                let channel = Channel { extinction: 1.0, albedo: 0.0, g: 0.0, order: 0, peak: 0.0 };
+                let accuracy = Accuracy { change: 1e-3, sweeps: [100, 3] };
+                let found = diffuse::solve(channel, &[level], &ordinates, accuracy, &()).unwrap();
+                let arrived =
+                    found[0].values.iter().zip(direct).map(|(found, direct)| (found + direct) / even);
+                let stopped: f32 = arrived.zip(&extinction.values).map(|(light, k)| light * k).sum();
+                let kept = (1.0 - albedo) * stopped / (light * PI * wide * wide);
+                println!("{wide} cells, {color}: keeps {kept}");
+                assert!((kept - (1.0 - color)).abs() < 0.12 * (1.0 - color), "{wide} {color}: {kept}");
+            }
+        }
+    }
 }
