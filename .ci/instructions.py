@@ -60,7 +60,7 @@ def output(command):
 
 def build():
     """Builds the cases as benches are built; where the program is."""
-    command = ["cargo", "bench", "-p", "tyndall", "--bench", "instructions", "--no-run", "--message-format=json"]
+    command = ["cargo", "bench", "--workspace", "--bench", "instructions", "--no-run", "--message-format=json"]
     messages = (json.loads(line) for line in output(command).splitlines())
     return next(it["executable"] for it in messages if it.get("executable"))
 
