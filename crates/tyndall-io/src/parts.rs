@@ -43,10 +43,15 @@ impl Parts {
         self.origin
     }
 
+    /// The same, measured from elsewhere.
+    pub fn measured_from(self, origin: DVec3) -> Self {
+        Self { origin, ..self }
+    }
+
     /// Some of the particles, spread evenly over all.
     pub fn sample(&self, progress: &dyn Progress) -> Result<Particles> {
         match &self.kind {
-            Kind::Synthetic(synthetic) => synthetic.sample(SAMPLE, progress),
+            Kind::Synthetic(synthetic) => Ok(synthetic.sample(SAMPLE, progress)?.measured_from(self.origin)),
             Kind::Npy(rows) => {
                 let mut positions = Positions::around(self.origin);
                 for id in sample(rows.len(), SAMPLE) {
@@ -73,7 +78,13 @@ impl Source for Parts {
 
     fn read(&self, range: Range<u64>, into: &mut Vec<Vec3>) -> Result<()> {
         match &self.kind {
-            Kind::Synthetic(synthetic) => synthetic.read(range, into),
+            Kind::Synthetic(synthetic) => {
+                synthetic.read(range, into)?;
+                if self.origin != DVec3::ZERO {
+                    into.iter_mut().for_each(|it| *it = (it.as_dvec3() - self.origin).as_vec3());
+                }
+                Ok(())
+            }
             Kind::Npy(rows) => {
                 into.clear();
                 into.extend(range.map(|id| (rows.position(id) - self.origin).as_vec3()));
@@ -133,5 +144,14 @@ mod tests {
         for (center, id) in read.iter().zip(1000..) {
             assert_eq!(parts.origin() + center.as_dvec3(), whole.positions().world(id));
         }
+        let elsewhere = parts.measured_from(DVec3::new(0.5, -2.0, 1.0));
+        let mut moved = Vec::new();
+        elsewhere.read(1000..5000, &mut moved).unwrap();
+        for (center, id) in moved.iter().zip(1000..) {
+            let world = elsewhere.origin() + center.as_dvec3();
+            assert!(world.distance(whole.positions().world(id)) < 1e-6, "{world}");
+        }
+        let sample = elsewhere.sample(&()).unwrap();
+        assert_eq!(sample.positions().origin(), elsewhere.origin());
     }
 }

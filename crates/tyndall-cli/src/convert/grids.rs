@@ -3,13 +3,15 @@
 use std::path::Path;
 use std::time::Instant;
 
-use tyndall::Error;
 use tyndall::medium::density;
 use tyndall::names::nearest;
 use tyndall::particles::Particles;
 use tyndall::scene::short;
+use tyndall::{Error, Source as _};
+use tyndall_io::Parts;
 use tyndall_io::vdb::{self, DENSITY, Grid, Precision};
 
+use crate::medium::parted;
 use crate::names::Numbers;
 use crate::output::Pattern;
 use crate::report::{Failure, Outcome, Report, bytes, counted, seconds};
@@ -35,10 +37,14 @@ pub(super) fn run(args: &args::Convert, report: &Report) -> Outcome<()> {
     let sequence = input::open(&args.input, Some(wanted), report)?;
     job.each(sequence.len(), |number, path| {
         input::refuse_to_replace(path, sequence.paths())?;
+        if let Some(parts) = parted::parts(&sequence, number, (&args.input, &args.selection), None)? {
+            report.note("particles are read in parts");
+            return grids(args, (&parts.sample(report.progress())?, Some(&parts)), report);
+        }
         let frame = input::read(&sequence, number, &args.input, report)?;
         let (particles, share) = selection::keep(&args.selection, frame.particles)?;
         share.iter().for_each(|share| report.note(format_args!("{share}")));
-        grids(args, &particles, report)
+        grids(args, (&particles, None), report)
     })
 }
 
@@ -54,14 +60,22 @@ fn copy(args: &args::Convert, report: &Report) -> Outcome<()> {
     })
 }
 
-/// The density of particles and means of their attributes; says how they were made.
-fn grids(args: &args::Convert, particles: &Particles, report: &Report) -> Outcome<Vec<Grid>> {
+/// The density of particles, or of the parts of which they are a sample, and means of their attributes; says how they were made.
+fn grids(
+    args: &args::Convert,
+    (particles, parts): (&Particles, Option<&Parts>),
+    report: &Report,
+) -> Outcome<Vec<Grid>> {
     let names = args.fields.clone().unwrap_or_else(|| vec![DENSITY.to_string()]);
     check(&names, particles)?;
     let fields = names.iter().filter(|name| *name != DENSITY).cloned().collect();
     let settings = density::Settings { fields, ..args.density.settings(dry_run::available_bytes()) };
     let start = Instant::now();
-    let volume = density::estimate(particles, &settings, report.progress())?;
+    let volume = match parts {
+        Some(parts) => parted::density(parts, &settings, &args.input, report)?,
+        None => density::estimate(particles, &settings, report.progress())?,
+    };
+    let count = parts.map_or(particles.len(), |it| it.len() as usize);
     report.detail(format_args!("density: {}", seconds(start.elapsed().as_secs_f64())));
     volume.notes.iter().for_each(|note| report.detail(note));
     let [x, y, z] = volume.density.size();
@@ -71,7 +85,7 @@ fn grids(args: &args::Convert, particles: &Particles, report: &Report) -> Outcom
     };
     report.note(format_args!(
         "tyndall: {} · grid {x}x{y}x{z} · voxels of {}{how}",
-        counted(particles.len(), "particle"),
+        counted(count, "particle"),
         short(volume.density.spacing().into())
     ));
     if volume.density.max() <= 0.0 {

@@ -8,6 +8,7 @@ mod bodies;
 pub(crate) mod emission;
 pub(crate) mod estimate;
 pub(crate) mod looks;
+pub(crate) mod parted;
 mod picture;
 mod statistics;
 pub(crate) mod values;
@@ -28,10 +29,10 @@ use tyndall::scene::camera::{Camera, View};
 use tyndall::scene::outline::Outline;
 use tyndall::scene::short;
 use tyndall::structure::Spheres;
-use tyndall::{Cell, DVec3, Error, Vec3};
+use tyndall::{Cell, DVec3, Error, Source as _, Vec3};
 use tyndall_io::annotation::Behind;
 use tyndall_io::read::{self, Described};
-use tyndall_io::{vdb, write};
+use tyndall_io::{Parts, Sequence, vdb, write};
 
 use self::args::{CacheName, MethodName, OpticsName};
 use self::emission::{EmissionSpec, Source, Values};
@@ -212,17 +213,24 @@ impl Job<'_> {
         let pictures =
             plan::pictures(self.args, &pattern, &Numbers::of(&self.args.input, count), self.report)?;
         if self.args.method.dry_run {
-            let frame = input::read(&sequence, pictures[0].frame, &self.args.input, self.report)?;
-            let (particles, _) = selection::keep(&self.args.selection, frame.particles)?;
+            let number = pictures[0].frame.min(sequence.len() - 1);
+            let parts = self.parts(&sequence, number)?;
+            let (particles, _) = match &parts {
+                Some(parts) => (parts.sample(self.report.progress())?, None),
+                None => {
+                    let frame = input::read(&sequence, number, &self.args.input, self.report)?;
+                    selection::keep(&self.args.selection, frame.particles)?
+                }
+            };
             let (particles, emitting) = self.emission_spec().prepare(particles)?;
             let settings = self.density_settings(emitting);
-            let (lattice, bytes) = density::plan(&particles, &settings, self.report.progress())?;
+            let (lattice, bytes) = match &parts {
+                Some(parts) => parted::plan(parts, &settings, self.report)?,
+                None => density::plan(&particles, &settings, self.report.progress())?,
+            };
             let secs = estimate::density_seconds(&settings, &lattice, rayon::current_num_threads());
-            self.report.note(format_args!(
-                "tyndall: {} · {}",
-                sequence.format(),
-                counted(particles.len(), "particle")
-            ));
+            let count = parts.as_ref().map_or(particles.len(), |it| it.len() as usize);
+            self.report.note(format_args!("tyndall: {} · {}", sequence.format(), counted(count, "particle")));
             return self.dry_run(&lattice, bytes, secs, pictures.len());
         }
         let statistics = self.args.medium.statistics.as_deref().map(Pattern::new);
@@ -242,21 +250,33 @@ impl Job<'_> {
                 self.report,
                 |number, wanted, kept: &mut Option<Scene>, written| {
                     let own = own(number);
-                    let frame = input::read_ahead((&sequence, ahead), own, &self.args.input, self.report)?;
-                    let (particles, share) = selection::keep(&self.args.selection, frame.particles)?;
+                    let parts = self.parts(&sequence, own)?.map(|parts| match kept.as_ref() {
+                        Some(scene) => parts.measured_from(scene.origin),
+                        None => parts,
+                    });
+                    let (particles, share) = match &parts {
+                        Some(parts) => (parts.sample(self.report.progress())?, Some("read in parts".into())),
+                        None => {
+                            let frame =
+                                input::read_ahead((&sequence, ahead), own, &self.args.input, self.report)?;
+                            selection::keep(&self.args.selection, frame.particles)?
+                        }
+                    };
+                    let count = parts.as_ref().map_or(particles.len(), |it| it.len() as usize);
                     let particles = match kept.as_ref() {
                         Some(scene) => particles.measured_from(scene.origin),
                         None => particles,
                     };
                     let (particles, emitting) = self.emission_spec().prepare(particles)?;
-                    let mut density = self.density(&particles, emitting, kept.as_ref())?;
+                    let mut density = self.density((&particles, parts.as_ref()), emitting, kept.as_ref())?;
                     if let Some(statistics) = &statistics {
-                        let text = statistics::json(&particles, &self.density_settings(None), &density);
+                        let settings = self.density_settings(None);
+                        let text = statistics::json((&particles, count), &settings, &density);
                         let path = statistics.name(number);
                         write::atomically(&path, |file| file.write_all(text.as_bytes()))
                             .map_err(Failure::Output)?;
                     }
-                    let mut guesses = self.described(&particles, &density);
+                    let mut guesses = self.described(count, &density);
                     guesses.extend(share);
                     let values = density.fields.pop().map(Values::Means);
                     let bodies = self.bodies(number, particles.positions().origin(), kept.as_ref())?;
@@ -503,15 +523,28 @@ impl Job<'_> {
         density::Settings { fields: field.into_iter().collect(), ..settings }
     }
 
+    /// The frame as parts, if it has to be read in parts and can be.
+    fn parts(&self, sequence: &Sequence, number: usize) -> Outcome<Option<Parts>> {
+        parted::parts(sequence, number, (&self.args.input, &self.args.selection), self.args.method.memory)
+    }
+
     /// From particles to their density, and a field beside it; after the first frame as there.
-    fn density(&self, particles: &Particles, field: Option<String>, kept: Option<&Scene>) -> Outcome<Volume> {
+    fn density(
+        &self,
+        (particles, parts): (&Particles, Option<&Parts>),
+        field: Option<String>,
+        kept: Option<&Scene>,
+    ) -> Outcome<Volume> {
         let mut settings = self.density_settings(field);
         if let Some(scene) = kept {
             settings.resolution = Resolution::Continued(scene.lattice);
             settings.length = scene.length.or(settings.length);
         }
         let start = Instant::now();
-        let volume = density::estimate(particles, &settings, self.report.progress())?;
+        let volume = match parts {
+            Some(parts) => parted::density(parts, &settings, &self.args.input, self.report)?,
+            None => density::estimate(particles, &settings, self.report.progress())?,
+        };
         self.report.detail(format_args!("density: {}", seconds(start.elapsed().as_secs_f64())));
         let statistics = &volume.statistics;
         for (name, used) in [("with any particle", statistics.touched), ("with N* or more", statistics.full)]
@@ -530,7 +563,7 @@ impl Job<'_> {
         Ok(volume)
     }
 
-    fn described(&self, particles: &Particles, volume: &Volume) -> Vec<String> {
+    fn described(&self, count: usize, volume: &Volume) -> Vec<String> {
         let args = &self.args.medium.density;
         let mut smoothing = name(args.smoothing);
         if let Some(length) = volume.length {
@@ -539,7 +572,7 @@ impl Job<'_> {
         smoothing += &format!(", N* {}, {} kernel", args.neighbors, name(args.kernel));
         vec![
             format!("medium, cpu {} threads", rayon::current_num_threads()),
-            counted(particles.len(), "particle"),
+            counted(count, "particle"),
             smoothing,
         ]
     }

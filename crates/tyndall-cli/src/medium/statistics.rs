@@ -5,13 +5,13 @@ use tyndall::Particles;
 use tyndall::medium::density::statistics::Used;
 use tyndall::medium::density::{Settings, Smoothing, Volume};
 
-/// The object, and a line end.
-pub(super) fn json(particles: &Particles, settings: &Settings, volume: &Volume) -> String {
+/// The object, and a line end, of `count` particles, some or all of which these are.
+pub(super) fn json((particles, count): (&Particles, usize), settings: &Settings, volume: &Volume) -> String {
     let smoothing = Smoothing::NAMES.iter().find(|(_, it)| *it == settings.smoothing).map(|(name, _)| name);
     let grid = &volume.density;
     let [stored, all] = grid.stored_bricks();
     let object = json!({
-        "particles": particles.len(),
+        "particles": count,
         "smoothing": smoothing,
         "h0": volume.length.map(shortest),
         "neighbors": settings.neighbors,

@@ -566,3 +566,21 @@ fn a_picture_of_the_sky_is_a_light() {
         .render("a.toml -o c.png --light image:bad.hdr")
         .fails(3, &["bad.hdr", "neither an EXR nor an HDR"]);
 }
+
+#[test]
+fn particles_beyond_the_memory_are_read_in_parts_for_the_same_picture() {
+    let folder = Folder::new();
+    let many = "synthetic:cloud2?n=8e4 --mode medium --grid 32 --up 0,1,0 --size 64x48 --samples 1";
+    folder.render(&format!("{many} -o whole.png")).fine();
+    let said = folder.render(&format!("{many} --memory 4M -o parts.png -v")).fine();
+    for part in ["read in parts", "80,000 particles", "readings of the source"] {
+        assert!(said.contains(part), "'{part}' is not in: {said}");
+    }
+    assert_eq!(png(&folder.path("parts.png")).0, png(&folder.path("whole.png")).0);
+    for more in ["--smoothing scatter", "--clip z>0", "--emission age", "--weight age"] {
+        let ran = folder.render(&format!("{many} --memory 4M -o no.png {more}"));
+        ran.fails(2, &["do not fit the memory"]);
+    }
+    let dry = folder.render(&format!("{many} --memory 4M -o no.png --dry-run"));
+    assert!(dry.fine().contains("80,000 particles"));
+}

@@ -2,6 +2,9 @@
 //!
 //! Takes a box and how far particles reach, gives those that reach it as columns. A box of the hierarchy is left out if it is
 //! too far from the region, and counted as a whole if that is wanted and all of the region is within reach of all of it.
+//!
+//! Invariant: what is found stands in the order of the curve, whatever else is sorted with it: sums over it depend on the particles
+//! near the region alone, to the bit.
 
 use fearless_simd::{f32x8, f32x16, prelude::*};
 use fearless_simd_macros::simd;
@@ -189,14 +192,17 @@ impl Cells {
             let touched = near_sq.simd_le(reach * reach).to_bitmask();
             let covered = far_sq.simd_le(f32x8::splat(simd, inner_sq)).to_bitmask();
 
-            let mut open = touched & !covered;
+            // In the order of the curve: the last child waits longest on the stack.
+            let (mut open, first) = (touched & !covered, place * WIDTH as u32);
             while open != 0 {
-                let child = open.trailing_zeros();
-                open &= open - 1;
-                let child = place * WIDTH as u32 + child;
+                let child = if level == 0 { open.trailing_zeros() } else { open.ilog2() };
+                open ^= 1 << child;
                 match level {
-                    0 => self.collect_cell(simd, child as usize, (middle, half), (radius, columns), found),
-                    _ => found.stack.push((level - 1, child)),
+                    0 => {
+                        let cell = (first + child) as usize;
+                        self.collect_cell(simd, cell, (middle, half), (radius, columns), found);
+                    }
+                    _ => found.stack.push((level - 1, first + child)),
                 }
             }
             let mut inside = covered;

@@ -25,6 +25,41 @@ const CURVE_BITS: u32 = 16;
 /// A value of each particle, cell by cell.
 pub(super) type Column = Vec<[f32; CELL]>;
 
+/// The curve along which the particles in a box are sorted.
+#[derive(Clone, Copy)]
+pub(super) struct Curve {
+    first: Vec3,
+    /// Its cells over a length.
+    scale: f32,
+}
+
+impl Curve {
+    /// Cells along an axis.
+    pub(super) const CELLS: u32 = 1 << CURVE_BITS;
+
+    /// Through a box.
+    pub(super) fn through(bounds: Bounds) -> Self {
+        let longest = bounds.extent().max_element().max(f32::MIN_POSITIVE);
+        Self { first: bounds.min, scale: (Self::CELLS - 1) as f32 / longest }
+    }
+
+    /// Its cell around a point of the box.
+    #[inline(always)]
+    pub(super) fn cell(&self, at: Vec3) -> [u32; 3] {
+        ((at - self.first) * self.scale).as_uvec3().to_array()
+    }
+
+    /// Where it reaches a cell.
+    pub(super) fn place(cell: [u32; 3]) -> u64 {
+        hilbert(cell, CURVE_BITS)
+    }
+
+    /// The edge of its cells.
+    pub(super) fn edge(&self) -> f32 {
+        1.0 / self.scale
+    }
+}
+
 /// The boxes of eight children.
 #[derive(Clone, Copy)]
 struct Node {
@@ -50,11 +85,15 @@ impl Cells {
             .with_min_len(1 << 14)
             .fold(|| Bounds::EMPTY, |bounds, id| bounds.with(positions.offset(id)))
             .reduce(|| Bounds::EMPTY, Bounds::union);
-        let scale = ((1 << CURVE_BITS) - 1) as f32 / bounds.extent().max_element().max(f32::MIN_POSITIVE);
-        let cell = |id: usize| ((positions.offset(id) - bounds.min) * scale).as_uvec3().to_array();
-        let mut order: Vec<(u64, u32)> = (0..positions.len())
+        Self::within(bounds, positions.len(), |id| positions.offset(id))
+    }
+
+    /// Sorts `count` particles among others: `bounds` is the box of all.
+    pub(super) fn within(bounds: Bounds, count: usize, position: impl Fn(usize) -> Vec3 + Sync) -> Self {
+        let curve = Curve::through(bounds);
+        let mut order: Vec<(u64, u32)> = (0..count)
             .into_par_iter()
-            .map(|id| (hilbert(cell(id), CURVE_BITS), id as u32))
+            .map(|id| (Curve::place(curve.cell(position(id))), id as u32))
             .collect();
         order.par_sort_unstable();
 
@@ -62,7 +101,7 @@ impl Cells {
             let mut center = [[f32::INFINITY; CELL]; 3];
             let mut ids = [u32::MAX; CELL];
             for (lane, &(_, id)) in sorted.iter().enumerate() {
-                let offset = positions.offset(id as usize);
+                let offset = position(id as usize);
                 (0..3).for_each(|axis| center[axis][lane] = offset[axis]);
                 ids[lane] = id;
             }
@@ -70,7 +109,7 @@ impl Cells {
         };
         let (centers, ids): (Vec<_>, Vec<_>) = order.par_chunks(CELL).map(cell).unzip();
         drop(order);
-        let mut cells = Self { count: positions.len(), centers, ids, levels: Vec::new(), bounds };
+        let mut cells = Self { count, centers, ids, levels: Vec::new(), bounds };
         cells.build();
         cells
     }
@@ -97,7 +136,7 @@ impl Cells {
         self.count
     }
 
-    /// The box of the centers.
+    /// The box of the centers, and of those among which they are.
     pub(super) fn bounds(&self) -> Bounds {
         self.bounds
     }

@@ -17,7 +17,7 @@ pub(super) const LONGEST: f32 = 1e12;
 /// Lengths are above this, for the same reason.
 pub(super) const SHORTEST: f32 = 1e-12;
 /// Cells of which particles are asked for their neighbors.
-const ASKED_CELLS: usize = 256;
+pub(super) const ASKED_CELLS: usize = 256;
 /// Share of the particles whose N*-th neighbor is within the automatic h0 of adaptive lengths.
 const REACHED: f32 = 0.95;
 /// Share of the particles that have N* neighbors within three automatic spacings.
@@ -57,34 +57,48 @@ impl Plan {
                 neighbors::sorted(&neighbors::lengths(cells, settings.neighbors, step))
             }
         };
-        let quantile = |share: f32| sorted[(share * (sorted.len() - 1) as f32).round() as usize];
-        let (margin, lengths) = match of_particles {
-            Some(lengths) => (quantile(REACHED), Lengths::Particles(lengths)),
-            None => {
-                let uniform = settings.smoothing == Smoothing::Uniform;
-                let longest = match settings.length {
-                    Some(length) => length,
-                    None => chosen_length(quantile(if uniform { 0.5 } else { REACHED }), settings, notes)?,
-                };
-                if longest > cells.bounds().extent().length() {
-                    notes.push(format!("the smoothing length {longest} is larger than the scene"));
-                }
-                (longest, Lengths::Samples(longest))
-            }
-        };
-        let finest = match lengths {
-            Lengths::Samples(longest) => quantile(RESOLVED).min(longest),
-            Lengths::Particles(_) => quantile(RESOLVED),
-        };
-        let lattice = lattice(cells.bounds(), (margin, finest / 3.0), settings.resolution)?;
-        lattice.check()?;
-        if settings.resolution == Resolution::Automatic {
-            let [x, y, z] = lattice.size;
-            notes.push(format!("grid of {x}x{y}x{z} samples {} apart (automatic)", lattice.spacing));
-        }
-        let bytes = check_memory(cells, settings, (&lattice, &lengths), columns)?;
+        let (lattice, longest) = choose(cells.bounds(), settings, &sorted, notes)?;
+        let lengths = of_particles.map_or(Lengths::Samples(longest), Lengths::Particles);
+        let of_particles = particle_bytes(cells.len(), columns);
+        let reached = || reached_bricks(cells, &lattice, &lengths);
+        let bytes = check_memory(of_particles, reached, (&lattice, columns), settings)?;
         Ok(Self { lattice, lengths, bytes })
     }
+}
+
+/// Whether [`choose`] asks how far the neighbors of particles are that have no lengths of their own.
+pub(super) fn asks(settings: &Settings) -> bool {
+    settings.length.is_none() || settings.resolution == Resolution::Automatic
+}
+
+/// The lattice and the longest length, for particles within `bounds`; `sorted` are the lengths of some.
+pub(super) fn choose(
+    bounds: Bounds,
+    settings: &Settings,
+    sorted: &[f32],
+    notes: &mut Vec<String>,
+) -> Result<(Lattice, f32)> {
+    let quantile = |share: f32| {
+        let place = (share * sorted.len().saturating_sub(1) as f32).round() as usize;
+        sorted.get(place).copied().unwrap_or(f32::INFINITY)
+    };
+    let longest = match (settings.smoothing, settings.length) {
+        (Smoothing::Scatter, _) => quantile(REACHED),
+        (_, Some(length)) => length,
+        (Smoothing::Uniform, None) => chosen_length(quantile(0.5), settings, notes)?,
+        (_, None) => chosen_length(quantile(REACHED), settings, notes)?,
+    };
+    if settings.smoothing != Smoothing::Scatter && longest > bounds.extent().length() {
+        notes.push(format!("the smoothing length {longest} is larger than the scene"));
+    }
+    let finest = quantile(RESOLVED).min(longest);
+    let lattice = lattice(bounds, (longest, finest / 3.0), settings.resolution)?;
+    lattice.check()?;
+    if settings.resolution == Resolution::Automatic {
+        let [x, y, z] = lattice.size;
+        notes.push(format!("grid of {x}x{y}x{z} samples {} apart (automatic)", lattice.spacing));
+    }
+    Ok((lattice, longest))
 }
 
 /// The automatic h0.
@@ -154,18 +168,18 @@ pub(super) fn check_particles(particles: &Particles, columns: usize, settings: &
 }
 
 /// Memory of sorted particles, or of sorting them if that is more: weights, fields, lengths, shares and reaches too.
-fn particle_bytes(count: usize, columns: usize) -> u64 {
+pub(super) fn particle_bytes(count: usize, columns: usize) -> u64 {
     Cells::bytes_to_make(count).max(Cells::bytes(count) + 4 * (2 * columns as u64 + 6) * count as u64)
 }
 
-/// The most memory that the work takes. Fails with [`Error::Memory`] if that is more than there is.
-fn check_memory(
-    cells: &Cells,
+/// The most memory that the work takes, where particles take so much and reach so many bricks. Fails with [`Error::Memory`] if that is more
+/// than there is.
+pub(super) fn check_memory(
+    of_particles: u64,
+    reached: impl FnOnce() -> u64,
+    (lattice, columns): (&Lattice, usize),
     settings: &Settings,
-    (lattice, lengths): (&Lattice, &Lengths),
-    columns: usize,
 ) -> Result<u64> {
-    let of_particles = particle_bytes(cells.len(), columns);
     let of_bricks = |stored: u64| {
         of_particles + columns as u64 * Grid::bytes_to_make(lattice.brick_count() as u64, stored)
     };
@@ -177,7 +191,7 @@ fn check_memory(
     // It may yet fit, if most bricks are empty.
     let mut needed_bytes = dense;
     if of_bricks(0) <= available_bytes {
-        needed_bytes = of_bricks(reached_bricks(cells, lattice, lengths));
+        needed_bytes = of_bricks(reached());
         if needed_bytes <= available_bytes {
             return Ok(needed_bytes);
         }
@@ -199,9 +213,7 @@ fn check_memory(
 
 /// How many bricks the particles may reach, and those before them, whose aprons they reach.
 fn reached_bricks(cells: &Cells, lattice: &Lattice, lengths: &Lengths) -> u64 {
-    let bricks = lattice.bricks();
-    let mut reached = vec![false; lattice.brick_count()];
-    let edge = lattice.spacing * BRICK as f32;
+    let mut reached = Reached::none(lattice);
     for (cell, center) in cells.centers().iter().enumerate() {
         let places = (0..CELL).map(|lane| Vec3::new(center[0][lane], center[1][lane], center[2][lane]));
         let bounds = places.filter(|it| it.is_finite()).fold(Bounds::EMPTY, Bounds::with);
@@ -209,20 +221,42 @@ fn reached_bricks(cells: &Cells, lattice: &Lattice, lengths: &Lengths) -> u64 {
             Lengths::Samples(longest) => *longest,
             Lengths::Particles(column) => column[cell].iter().copied().fold(0.0, f32::max),
         };
-        let bounds = bounds.grown(length.max(lattice.spacing) + lattice.spacing);
-        let low = ((bounds.min - lattice.origin) / edge).floor().max(Vec3::ZERO).as_uvec3();
-        let high = ((bounds.max - lattice.origin) / edge).floor().max(Vec3::ZERO).as_uvec3();
+        reached.add(bounds.grown(length.max(lattice.spacing) + lattice.spacing));
+    }
+    reached.count()
+}
+
+/// Bricks of a lattice that boxes touch.
+pub(super) struct Reached<'a> {
+    lattice: &'a Lattice,
+    bricks: Vec<bool>,
+}
+
+impl<'a> Reached<'a> {
+    pub(super) fn none(lattice: &'a Lattice) -> Self {
+        Self { lattice, bricks: vec![false; lattice.brick_count()] }
+    }
+
+    /// Adds those that a box touches.
+    pub(super) fn add(&mut self, bounds: Bounds) {
+        let bricks = self.lattice.bricks();
+        let edge = self.lattice.spacing * BRICK as f32;
+        let place = |at: Vec3| ((at - self.lattice.origin) / edge).floor().max(Vec3::ZERO).as_uvec3();
+        let (low, high) = (place(bounds.min), place(bounds.max));
         for k in low.z..=high.z.min(bricks[2] - 1) {
             for j in low.y..=high.y.min(bricks[1] - 1) {
                 let row = (k as usize * bricks[1] as usize + j as usize) * bricks[0] as usize;
                 let end = high.x.min(bricks[0] - 1) as usize;
                 if low.x as usize <= end {
-                    reached[row + low.x as usize..=row + end].fill(true);
+                    self.bricks[row + low.x as usize..=row + end].fill(true);
                 }
             }
         }
     }
-    reached.into_iter().filter(|&it| it).count() as u64
+
+    pub(super) fn count(&self) -> u64 {
+        self.bricks.iter().filter(|&&it| it).count() as u64
+    }
 }
 
 #[cfg(test)]

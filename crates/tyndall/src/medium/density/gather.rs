@@ -12,6 +12,7 @@ use super::block::{Block, Near, Samples, count, distances_sq, sum};
 use super::length::{Bracket, Held, alpha};
 use super::select::nth_smallest;
 use super::volume::Blocks;
+use super::{Settings, Smoothing};
 use crate::medium::cells::{CELL, Cells, Counted, Within};
 use crate::medium::kernel::Shape;
 
@@ -24,6 +25,20 @@ pub(super) enum Rule {
     Corrected { passes: u32, scale: f32 },
     /// The distance of the N*-th particle.
     Exact,
+}
+
+impl Rule {
+    /// What settings say; those of a scatter say nothing.
+    pub(super) fn of(settings: &Settings) -> Self {
+        match settings.smoothing {
+            Smoothing::Uniform => Self::Uniform,
+            Smoothing::TwoPass => Self::Corrected { passes: 0, scale: 0.0 },
+            Smoothing::Exact => Self::Exact,
+            Smoothing::ThreePass | Smoothing::Scatter => {
+                Self::Corrected { passes: 1 + settings.further_passes, scale: settings.scale }
+            }
+        }
+    }
 }
 
 /// What all samples share.

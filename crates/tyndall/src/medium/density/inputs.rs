@@ -7,8 +7,8 @@ use crate::names::nearest;
 use crate::particles::{Attribute, Particles};
 
 /// Refuses what no density can be made of.
-pub(super) fn check(particles: &Particles, settings: &Settings) -> Result<()> {
-    if particles.is_empty() {
+pub(super) fn check(count: u64, settings: &Settings) -> Result<()> {
+    if count == 0 {
         return Err(Error::setting("particles", 0, "at least one: there is nothing to make a density of"));
     }
     if let Some(length) = settings.length

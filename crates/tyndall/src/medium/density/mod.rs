@@ -18,6 +18,7 @@ mod scatter;
 mod select;
 mod spread;
 pub mod statistics;
+mod stream;
 mod volume;
 
 #[cfg(test)]
@@ -29,6 +30,7 @@ use self::gather::{Gather, Rule};
 use self::scatter::Scatter;
 pub use self::spread::{Spread, spread};
 use self::statistics::Statistics;
+pub use self::stream::{particle_bytes, plan_stream, stream};
 use self::volume::fill;
 use super::cells::{CELL, Cells, Column};
 use super::grid::{Grid, Lattice};
@@ -189,7 +191,7 @@ impl Field {
 /// where one is wanted, and without particles; with [`Error::Memory`] if the grid does not fit `memory_bytes`, and says what
 /// would; and with [`Error::Interrupted`].
 pub fn estimate(particles: &Particles, settings: &Settings, progress: &dyn Progress) -> Result<Volume> {
-    inputs::check(particles, settings)?;
+    inputs::check(particles.len() as u64, settings)?;
     let mut notes = Vec::new();
     let weight = inputs::weight_attribute(particles, &settings.weight, &mut notes)?;
     let fields = inputs::fields(particles, &settings.fields)?;
@@ -238,7 +240,7 @@ pub fn estimate(particles: &Particles, settings: &Settings, progress: &dyn Progr
 
 /// Where the samples of [`estimate`] will lie, and the most memory that it will take at one time, in bytes. Fails as it does.
 pub fn plan(particles: &Particles, settings: &Settings, progress: &dyn Progress) -> Result<(Lattice, u64)> {
-    inputs::check(particles, settings)?;
+    inputs::check(particles.len() as u64, settings)?;
     let mut notes = Vec::new();
     inputs::weight_attribute(particles, &settings.weight, &mut notes)?;
     let columns = 1 + inputs::fields(particles, &settings.fields)?.len();
@@ -303,20 +305,13 @@ impl Work<'_> {
                 return fill(&scatter, &lattice, progress);
             }
         };
-        let rule = match settings.smoothing {
-            Smoothing::Uniform => Rule::Uniform,
-            Smoothing::TwoPass => Rule::Corrected { passes: 0, scale: 0.0 },
-            Smoothing::Exact => Rule::Exact,
-            Smoothing::ThreePass | Smoothing::Scatter => {
-                Rule::Corrected { passes: 1 + settings.further_passes, scale: settings.scale }
-            }
-        };
         let normalization = settings.kernel.normalization() as f32;
         for value in self.columns.iter_mut().flat_map(|it| it.as_flattened_mut()) {
             *value *= normalization;
         }
         let columns: Vec<&[[f32; CELL]]> = self.columns.iter().map(|it| &it[..]).collect();
         let (block, target) = (Block::new(lattice.spacing), settings.neighbors as f32);
+        let rule = Rule::of(settings);
         fill(&Gather { cells, block, shape, rule, longest, target, columns: &columns }, &lattice, progress)
     }
 }

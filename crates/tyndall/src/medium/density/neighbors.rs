@@ -15,18 +15,29 @@ use crate::medium::cells::{CELL, Candidates, Cells, Column, Region, Within};
 /// The lengths of the particles of every `step`-th cell, with NaN where there is no particle.
 pub(super) fn lengths(cells: &Cells, target: u32, step: usize) -> Column {
     let target = target.min(cells.len() as u32);
+    let asked: Vec<Asked> =
+        cells.centers().iter().step_by(step).map(|&center| Asked { center, known: f32::INFINITY }).collect();
+    let found = lengths_of(cells, target, &asked);
+    found.into_iter().map(|found| found.unwrap_or([f32::NAN; CELL])).collect()
+}
+
+/// Sixteen particles at most, infinitely far away where there is none.
+#[derive(Clone, Copy)]
+pub(super) struct Asked {
+    pub(super) center: [[f32; CELL]; 3],
+    /// Cells hold all particles up to this distance from the box of the sixteen.
+    pub(super) known: f32,
+}
+
+/// The lengths of particles that were a cell where all particles were sorted; of each that must know more, up to which distance.
+pub(super) fn lengths_of(cells: &Cells, target: u32, asked: &[Asked]) -> Vec<Result<[f32; CELL], f32>> {
     let none = vec![[0.0; CELL]; cells.centers().len()];
-    (0..cells.centers().len())
-        .into_par_iter()
-        .step_by(step)
-        .map_init(Search::default, |search, cell| {
-            dispatch!(Level::new(), simd => search.lengths(simd, (cells, &none), cell, target))
-        })
-        .collect()
+    let of_one = |search: &mut Search, asked: &Asked| dispatch!(Level::new(), simd => search.lengths(simd, (cells, &none), asked, target));
+    asked.par_iter().map_init(Search::default, of_one).collect()
 }
 
 /// Those of particles, sorted.
-pub(super) fn sorted(lengths: &Column) -> Vec<f32> {
+pub(super) fn sorted(lengths: &[[f32; CELL]]) -> Vec<f32> {
     let mut sorted: Vec<f32> = lengths.as_flattened().iter().copied().filter(|it| !it.is_nan()).collect();
     sorted.par_sort_unstable_by(f32::total_cmp);
     sorted
@@ -36,6 +47,15 @@ pub(super) fn sorted(lengths: &Column) -> Vec<f32> {
 const CROWD: usize = 40;
 /// The least first radius, over the diagonal of everything.
 const FIRST_RADIUS: f32 = 1e-4;
+
+/// How the search for the lengths of some points ends.
+enum End {
+    Found([f32; CELL]),
+    /// So many particles are near that each point should look alone.
+    Crowded,
+    /// All particles up to this distance must be known.
+    Beyond(f32),
+}
 
 /// Room for the work.
 #[derive(Default)]
@@ -50,39 +70,41 @@ impl Search {
         &mut self,
         simd: S,
         (cells, none): (&Cells, &Column),
-        cell: usize,
+        asked: &Asked,
         target: u32,
-    ) -> [f32; CELL] {
-        let center = &cells.centers()[cell];
-        let lengths = self.nearest(simd, (cells, none), center, target, CROWD * target as usize);
-        if let Some(lengths) = lengths {
-            return lengths;
+    ) -> Result<[f32; CELL], f32> {
+        match self.nearest(simd, (cells, none), asked, target, CROWD * target as usize) {
+            End::Found(lengths) => return Ok(lengths),
+            End::Beyond(distance) => return Err(distance),
+            End::Crowded => {}
         }
         // The cell reaches from one dense place to another: each of its particles looks alone.
         let mut lengths = [f32::NAN; CELL];
         for (lane, length) in lengths.iter_mut().enumerate() {
-            let alone = [[center[0][lane]; CELL], [center[1][lane]; CELL], [center[2][lane]; CELL]];
-            if let Some(lengths) = self.nearest(simd, (cells, none), &alone, target, usize::MAX) {
-                *length = lengths[0];
+            let alone = Asked { center: asked.center.map(|column| [column[lane]; CELL]), ..*asked };
+            match self.nearest(simd, (cells, none), &alone, target, usize::MAX) {
+                End::Found(lengths) => *length = lengths[0],
+                End::Beyond(distance) => return Err(distance),
+                End::Crowded => {}
             }
         }
-        lengths
+        Ok(lengths)
     }
 
-    /// The lengths of sixteen points, NaN for those that are infinitely far away. `None` if more particles than `most` are near.
+    /// The lengths of sixteen points, NaN for those that are infinitely far away. No more than `most` particles may be near.
     #[simd]
     fn nearest<S: Simd>(
         &mut self,
         simd: S,
         (cells, none): (&Cells, &Column),
-        center: &[[f32; CELL]; 3],
+        Asked { center, known }: &Asked,
         target: u32,
         most: usize,
-    ) -> Option<[f32; CELL]> {
+    ) -> End {
         let place = |lane: usize| Vec3::new(center[0][lane], center[1][lane], center[2][lane]);
         let bounds = (0..CELL).map(place).filter(|it| it.is_finite()).fold(Bounds::EMPTY, Bounds::with);
         if bounds.is_empty() {
-            return Some([f32::NAN; CELL]);
+            return End::Found([f32::NAN; CELL]);
         }
         let region = Region { center: bounds.center(), half: 0.5 * bounds.extent() };
         let everything = cells.bounds().extent().length() * 1.001 + f32::MIN_POSITIVE;
@@ -95,7 +117,10 @@ impl Search {
             radius = radius.min(everything);
             cells.collect(simd, region, &Within(radius), [none, none], &mut self.found);
             if self.found.len() > most {
-                return None;
+                return End::Crowded;
+            }
+            if radius > *known {
+                return End::Beyond(radius);
             }
             let fewest = self.measure(simd, region.center, center, radius);
             if fewest >= target || radius >= everything {
@@ -109,7 +134,7 @@ impl Search {
         for (lane, length) in lengths.iter_mut().enumerate() {
             *length = if place(lane).is_finite() { length.sqrt() } else { f32::NAN };
         }
-        Some(lengths)
+        End::Found(lengths)
     }
 
     /// The distances of all that was found from the cell's particles, and how many within the radius the one has that has fewest.

@@ -35,7 +35,7 @@ pub fn spread<'a>(
     progress: &dyn Progress,
 ) -> Result<Spread<'a>> {
     let settings = Settings { smoothing: Smoothing::Scatter, ..settings.clone() };
-    inputs::check(particles, &settings)?;
+    inputs::check(particles.len() as u64, &settings)?;
     let mut notes = Vec::new();
     let weight = inputs::weight_attribute(particles, &settings.weight, &mut notes)?;
     let attribute = inputs::any_length_attribute(particles, &settings)?;

@@ -1,7 +1,7 @@
 //! All blocks of a lattice on all threads: sums of blocks become grids.
 //!
-//! Takes something that fills a block, gives one grid a column. Rows of bricks are the unit of work; a block's values depend on
-//! nothing but the block, and rows are joined in order, so that the number of threads changes nothing.
+//! Takes something that fills a block, gives one grid a column. Runs of bricks are the unit of work; a block's values depend on
+//! nothing but the block, and runs are joined in order, so that the number of threads changes nothing.
 
 use glam::Vec3;
 use rayon::prelude::*;
@@ -29,33 +29,71 @@ pub(super) fn fill(
     lattice: &Lattice,
     progress: &dyn Progress,
 ) -> Result<(Vec<Grid>, Statistics)> {
-    let bricks = lattice.bricks().map(|it| it as usize);
-    let row_count = bricks[1] * bricks[2];
-    progress.begin("density", Some(row_count as u64), "rows");
-    let row = |found: &mut Found, row: usize| {
-        if progress.cancelled() {
-            return Err(Error::Interrupted);
-        }
-        let mut statistics = Statistics::default();
-        let numbers = row * bricks[0]..(row + 1) * bricks[0];
-        let cores: Vec<Vec<Brick>> =
-            numbers.map(|number| brick(blocks, lattice, number, (found, &mut statistics))).collect();
-        progress.advance(1);
-        Ok((cores, statistics))
-    };
-    let rows: Vec<(Vec<Vec<Brick>>, Statistics)> =
-        (0..row_count).into_par_iter().map_init(Found::default, row).collect::<Result<_>>()?;
+    let all: Vec<usize> = (0..lattice.brick_count()).collect();
+    progress.begin("density", Some(all.len() as u64), "bricks");
+    let mut filling = Filling::new(*lattice, blocks.columns());
+    filling.fill(blocks, &all, progress)?;
+    Ok(filling.finish())
+}
 
-    let mut statistics = Statistics::default();
-    let mut cores: Vec<Vec<Brick>> =
-        (0..blocks.columns()).map(|_| Vec::with_capacity(lattice.brick_count())).collect();
-    for (row, of_row) in rows {
-        statistics = statistics.with(of_row);
-        for brick in row {
-            cores.iter_mut().zip(brick).for_each(|(column, core)| column.push(core));
-        }
+/// Grids of which some bricks are filled.
+pub(super) struct Filling {
+    lattice: Lattice,
+    /// The bricks of each column.
+    cores: Vec<Vec<Brick>>,
+    statistics: Statistics,
+}
+
+/// Bricks that a thread fills at a time.
+const RUN: usize = 16;
+
+impl Filling {
+    /// Grids of that many columns without density.
+    pub(super) fn new(lattice: Lattice, columns: usize) -> Self {
+        let cores = vec![vec![Brick::EMPTY; lattice.brick_count()]; columns];
+        Self { lattice, cores, statistics: Statistics::default() }
     }
-    Ok((cores.into_iter().map(|cores| Grid::from_cores(*lattice, cores)).collect(), statistics))
+
+    /// Where the samples lie.
+    pub(super) fn lattice(&self) -> Lattice {
+        self.lattice
+    }
+
+    /// Fills the bricks of these numbers, none of which was filled before. Fails with [`Error::Interrupted`].
+    pub(super) fn fill(
+        &mut self,
+        blocks: &impl Blocks,
+        numbers: &[usize],
+        progress: &dyn Progress,
+    ) -> Result<()> {
+        let run = |found: &mut Found, numbers: &[usize]| {
+            if progress.cancelled() {
+                return Err(Error::Interrupted);
+            }
+            let mut statistics = Statistics::default();
+            let cores: Vec<Vec<Brick>> = numbers
+                .iter()
+                .map(|&number| brick(blocks, &self.lattice, number, (found, &mut statistics)))
+                .collect();
+            progress.advance(numbers.len() as u64);
+            Ok((cores, statistics))
+        };
+        let runs: Vec<(Vec<Vec<Brick>>, Statistics)> =
+            numbers.par_chunks(RUN).map_init(Found::default, run).collect::<Result<_>>()?;
+        for (numbers, (bricks, statistics)) in numbers.chunks(RUN).zip(runs) {
+            self.statistics = self.statistics.with(statistics);
+            for (&number, brick) in numbers.iter().zip(bricks) {
+                self.cores.iter_mut().zip(brick).for_each(|(column, core)| column[number] = core);
+            }
+        }
+        Ok(())
+    }
+
+    /// The grids, and what their samples used.
+    pub(super) fn finish(self) -> (Vec<Grid>, Statistics) {
+        let Self { lattice, cores, statistics } = self;
+        (cores.into_iter().map(|cores| Grid::from_cores(lattice, cores)).collect(), statistics)
+    }
 }
 
 /// The samples of brick `number`, column by column.

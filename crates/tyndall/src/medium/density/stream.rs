@@ -1,0 +1,271 @@
+//! The density of particles that are never all in memory: they are read part by part, several times, and gathered where samples need them.
+//!
+//! A survey counts them by place ([`Survey`]). The bricks of the lattice are then cut into regions with so few particles in them, and within
+//! the longest length of them, as may be held at once; each reading gathers those of some regions, whose samples are found as
+//! [`super::estimate`] finds them. Memory holds the grid and those particles. Invariant: samples and what is chosen are those of
+//! [`super::estimate`], bit for bit, whatever is held at once.
+
+mod survey;
+
+#[cfg(test)]
+mod tests;
+
+use super::automatic::{self, Reached};
+use super::block::Block;
+use super::gather::{Gather, Rule};
+use super::volume::Filling;
+use super::{Settings, Smoothing, Volume, Weight, inputs};
+use crate::error::{Error, Result};
+use crate::math::Bounds;
+use crate::medium::cells::{CELL, Cells};
+use crate::medium::grid::{BRICK, Lattice};
+use crate::medium::kernel::{CubicSpline, Kernel, Poly6, WendlandC2};
+use crate::progress::Progress;
+use crate::source::Source;
+use survey::{Marks, Survey};
+
+/// Particles that are held at once, at most: they take a gigabyte.
+const AT_ONCE: u64 = 1 << 24;
+/// How often a particle may be gathered, on average. More than that says that almost all of them are near every sample.
+const MOST_GATHERED: u64 = 16;
+
+/// Estimates the density of a source of particles, each of which weighs 1. Returns too how many were not finite.
+///
+/// Samples are those that [`estimate`](super::estimate) finds of the same particles. Half of `memory_bytes` may be taken by particles, a
+/// gigabyte at most. Fails with [`Error::Setting`] where [`estimate`](super::estimate) does, and for what needs all particles at once (the
+/// scatter) or more than where they are (fields, weights); with [`Error::Memory`] if the grid, or the particles around a single brick, do not
+/// fit; and with [`Error::Interrupted`].
+pub fn stream(source: &dyn Source, settings: &Settings, progress: &dyn Progress) -> Result<(Volume, u64)> {
+    stream_by(source, settings, at_once(settings), progress)
+}
+
+/// Where the samples of [`stream`] will lie, and the most memory that it will take at one time, in bytes. Fails as it does.
+pub fn plan_stream(
+    source: &dyn Source,
+    settings: &Settings,
+    progress: &dyn Progress,
+) -> Result<(Lattice, u64)> {
+    let Planned { lattice, bytes, .. } = Planned::new(source, settings, at_once(settings), progress)?;
+    Ok((lattice, bytes))
+}
+
+/// Memory that `count` particles of weight 1 take where they are all in it, and while [`estimate`](super::estimate) has sorted them.
+pub fn particle_bytes(count: u64) -> u64 {
+    held_bytes(count)
+}
+
+/// How many particles may be held at once.
+fn at_once(settings: &Settings) -> u64 {
+    settings.memory_bytes.map_or(AT_ONCE, |bytes| (bytes / 2 / held_bytes(1)).min(AT_ONCE))
+}
+
+/// Memory of particles that are held: where they are, and sorted.
+fn held_bytes(count: u64) -> u64 {
+    12 * count + automatic::particle_bytes(count as usize, 1)
+}
+
+fn stream_by(
+    source: &dyn Source,
+    settings: &Settings,
+    at_once: u64,
+    progress: &dyn Progress,
+) -> Result<(Volume, u64)> {
+    let Planned { survey, lattice, longest, bytes, mut notes } =
+        Planned::new(source, settings, at_once, progress)?;
+    let regions = Regions::over(&survey, &lattice, longest, at_once)?.found;
+    let bricks: u64 = regions.iter().map(Region::brick_count).sum();
+    progress.begin("density", Some(bricks), "bricks");
+    let mut filling = Filling::new(lattice, 1);
+    let mut left = &regions[..];
+    let mut readings = 0;
+    while !left.is_empty() {
+        let mut held = 0;
+        let fits = |region: &&Region| {
+            held += region.particles;
+            held <= at_once
+        };
+        let (some, others) = left.split_at(left.iter().take_while(fits).count());
+        let mut marks = Marks::none();
+        some.iter().for_each(|it| marks.add(&survey, it.reach(&lattice, longest)));
+        let positions = survey.gather(source, &marks, progress)?;
+        let cells = Cells::within(survey.bounds, positions.len(), |place| positions[place]);
+        drop(positions);
+        let numbers: Vec<usize> = some.iter().flat_map(|it| it.bricks(&lattice)).collect();
+        gather(&cells, settings, longest, (&mut filling, &numbers), progress)?;
+        (left, readings) = (others, readings + 1);
+    }
+    notes.push(format!("particles gathered in {readings} readings of the source, at most {at_once} at once"));
+    let (mut grids, statistics) = filling.finish();
+    let length = Some(longest);
+    let volume =
+        Volume { density: grids.remove(0), fields: Vec::new(), statistics, length, peak_bytes: bytes, notes };
+    Ok((volume, source.len() - survey.kept))
+}
+
+/// Fills bricks from the particles around them.
+fn gather(
+    cells: &Cells,
+    settings: &Settings,
+    longest: f32,
+    (filling, numbers): (&mut Filling, &[usize]),
+    progress: &dyn Progress,
+) -> Result<()> {
+    let weights = vec![[settings.kernel.normalization() as f32; CELL]; cells.centers().len()];
+    let (block, rule) = (Block::new(filling.lattice().spacing), Rule::of(settings));
+    let (target, columns) = (settings.neighbors as f32, &[&weights[..]][..]);
+    match settings.kernel {
+        Kernel::CubicSpline => {
+            let gather = Gather { cells, block, shape: CubicSpline, rule, longest, target, columns };
+            filling.fill(&gather, numbers, progress)
+        }
+        Kernel::WendlandC2 => {
+            let gather = Gather { cells, block, shape: WendlandC2, rule, longest, target, columns };
+            filling.fill(&gather, numbers, progress)
+        }
+        Kernel::Poly6 => {
+            let gather = Gather { cells, block, shape: Poly6, rule, longest, target, columns };
+            filling.fill(&gather, numbers, progress)
+        }
+    }
+}
+
+/// What is decided before the work.
+struct Planned {
+    survey: Survey,
+    lattice: Lattice,
+    /// h0.
+    longest: f32,
+    /// The most memory at one time.
+    bytes: u64,
+    notes: Vec<String>,
+}
+
+impl Planned {
+    fn new(source: &dyn Source, settings: &Settings, at_once: u64, progress: &dyn Progress) -> Result<Self> {
+        check(settings)?;
+        let survey = Survey::of(source, progress)?;
+        inputs::check(survey.kept, settings)?;
+        let sorted = match automatic::asks(settings) {
+            true => survey.lengths(source, settings.neighbors, at_once, progress)?,
+            false => Vec::new(),
+        };
+        let mut notes = Vec::new();
+        let (lattice, longest) = automatic::choose(survey.bounds, settings, &sorted, &mut notes)?;
+        let reached = || {
+            let mut reached = Reached::none(&lattice);
+            survey
+                .filled()
+                .for_each(|it| reached.add(it.grown(longest.max(lattice.spacing) + lattice.spacing)));
+            reached.count()
+        };
+        let held = held_bytes(at_once.min(survey.kept)) + Survey::BYTES;
+        let bytes = automatic::check_memory(held, reached, (&lattice, 1), settings)?;
+        Ok(Self { survey, lattice, longest, bytes, notes })
+    }
+}
+
+/// Refuses what needs more than where particles are, some of them at a time.
+fn check(settings: &Settings) -> Result<()> {
+    let alone = "left out: the particles do not fit the memory with what each has of its own";
+    if let Some(field) = settings.fields.first() {
+        return Err(Error::setting("field", field, alone));
+    }
+    if let Weight::Attribute(name) = &settings.weight {
+        return Err(Error::setting("weight", name, alone));
+    }
+    if settings.smoothing == Smoothing::Scatter {
+        let allowed =
+            "a gather, such as three-pass: the particles do not fit the memory, and each needs its neighbors";
+        return Err(Error::setting("smoothing", "scatter", allowed));
+    }
+    Ok(())
+}
+
+/// A box of bricks: from the first one to before the last.
+struct Region {
+    first: [u32; 3],
+    end: [u32; 3],
+    /// In it and within the longest length of it, at most.
+    particles: u64,
+}
+
+impl Region {
+    fn brick_count(&self) -> u64 {
+        (0..3).map(|axis| u64::from(self.end[axis] - self.first[axis])).product()
+    }
+
+    /// The numbers of its bricks.
+    fn bricks(&self, lattice: &Lattice) -> impl Iterator<Item = usize> + use<> {
+        let ([x, y, _], first, end) = (lattice.bricks().map(|it| it as usize), self.first, self.end);
+        (first[2]..end[2]).flat_map(move |k| {
+            (first[1]..end[1]).flat_map(move |j| {
+                let row = (k as usize * y + j as usize) * x;
+                row + first[0] as usize..row + end[0] as usize
+            })
+        })
+    }
+
+    /// The box around all particles that its samples meet.
+    fn reach(&self, lattice: &Lattice, longest: f32) -> Bounds {
+        let min = lattice.position(self.first.map(|it| it * BRICK));
+        let max = lattice.position(self.end.map(|it| it * BRICK - 1));
+        // What rounding leaves in doubt is in it.
+        let far = min.abs().max(max.abs()).max_element() + longest;
+        Bounds { min, max }.grown(longest + 1e-5 * far)
+    }
+}
+
+/// Regions that cover all bricks with particles near them.
+struct Regions<'a> {
+    survey: &'a Survey,
+    lattice: &'a Lattice,
+    longest: f32,
+    at_once: u64,
+    found: Vec<Region>,
+    /// Particles of all, each as often as it is in one.
+    gathered: u64,
+}
+
+impl<'a> Regions<'a> {
+    fn over(survey: &'a Survey, lattice: &'a Lattice, longest: f32, at_once: u64) -> Result<Self> {
+        let mut regions = Self { survey, lattice, longest, at_once, found: Vec::new(), gathered: 0 };
+        regions.cut([0; 3], lattice.bricks())?;
+        Ok(regions)
+    }
+
+    /// Halves a box of bricks until its particles can be held.
+    fn cut(&mut self, first: [u32; 3], end: [u32; 3]) -> Result<()> {
+        let mut region = Region { first, end, particles: 0 };
+        region.particles = self.survey.count(region.reach(self.lattice, self.longest));
+        let particles = region.particles;
+        if particles == 0 {
+            return Ok(());
+        }
+        let is_one = region.brick_count() == 1;
+        let most = MOST_GATHERED * self.survey.kept;
+        if particles <= self.at_once && self.gathered + particles <= most {
+            self.gathered += particles;
+            self.found.push(region);
+            return Ok(());
+        }
+        if is_one || self.gathered + particles > most {
+            return Err(too_many(particles, self.at_once, &format!("within {} of a brick", self.longest)));
+        }
+        let axis = (0..3).max_by_key(|&axis| end[axis] - first[axis]).unwrap_or(0);
+        let (mut middle_end, mut middle_first) = (end, first);
+        let middle = first[axis] + (end[axis] - first[axis]) / 2;
+        (middle_end[axis], middle_first[axis]) = (middle, middle);
+        self.cut(first, middle_end)?;
+        self.cut(middle_first, end)
+    }
+}
+
+/// So many particles would have to be held at once.
+fn too_many(particles: u64, at_once: u64, place: &str) -> Error {
+    Error::Memory {
+        what: format!("{particles} particles {place}"),
+        needed_bytes: 2 * held_bytes(particles),
+        available_bytes: 2 * held_bytes(at_once),
+        hint: "take a shorter longest smoothing length, fewer neighbors or fewer particles".into(),
+    }
+}
