@@ -69,7 +69,9 @@ fn grids(
     let names = args.fields.clone().unwrap_or_else(|| vec![DENSITY.to_string()]);
     check(&names, particles)?;
     let fields = names.iter().filter(|name| *name != DENSITY).cloned().collect();
-    let settings = density::Settings { fields, ..args.density.settings(dry_run::available_bytes()) };
+    let settings = args.density.settings(dry_run::available_bytes());
+    // A file has the lattice alone, whose samples are means where bricks are finer.
+    let settings = density::Settings { fields, finer: settings.finer.or(Some(0)), ..settings };
     let start = Instant::now();
     let volume = match parts {
         Some(parts) => parted::density(parts, &settings, &args.input, report)?,

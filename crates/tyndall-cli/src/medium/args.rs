@@ -37,6 +37,10 @@ pub(crate) struct Density {
     /// Grid points along the longest axis
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(2..))]
     pub(crate) grid: Option<u32>,
+    /// Halves the distance of grid points up to N times, 3 at most, in bricks of 8x8x8 where smoothing lengths are short [default: 3 where
+    /// the distance is found by the smoothing lengths, else 0]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(0..=3))]
+    pub(crate) finer: Option<u32>,
     /// What a particle weighs: an attribute, or one [default: its mass if it has one]
     #[arg(long, value_name = "NAME")]
     pub(crate) weight: Option<String>,
@@ -162,6 +166,7 @@ impl Density {
                 Some(name) => Weight::Attribute(name.into()),
             },
             resolution,
+            finer: self.finer,
             memory_bytes,
             ..density::Settings::default()
         }

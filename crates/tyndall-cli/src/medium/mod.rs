@@ -19,7 +19,7 @@ use std::time::Instant;
 
 use clap::ValueEnum;
 use tyndall::medium::density::{self, Resolution, Volume};
-use tyndall::medium::grid::Lattice;
+use tyndall::medium::grid::{Lattice, MOST_LEVELS};
 use tyndall::medium::light::{Directional, Environment};
 use tyndall::medium::{Emission, Grid, Light, Medium, Noise, NoiseSettings, Optics, Phase, automatic};
 use tyndall::particles::{Particles, Radii};
@@ -537,6 +537,9 @@ impl Job<'_> {
     ) -> Outcome<Volume> {
         let mut settings = self.density_settings(field);
         if let Some(scene) = kept {
+            if settings.resolution == Resolution::Automatic {
+                settings.finer = settings.finer.or(Some(MOST_LEVELS));
+            }
             settings.resolution = Resolution::Continued(scene.lattice);
             settings.length = scene.length.or(settings.length);
         }
@@ -614,8 +617,13 @@ impl Job<'_> {
         };
         let [x, y, z] = grid.size();
         let [stored, all] = grid.stored_bricks();
+        let finer = match grid.levels()[1..].iter().sum::<usize>() {
+            0 => String::new(),
+            count => format!(", {count} of them finer"),
+        };
+        let spacing = short(grid.spacing().into());
         let mut guesses = vec![
-            format!("grid {x}x{y}x{z}, spacing {}, {stored} of {all} bricks", short(grid.spacing().into())),
+            format!("grid {x}x{y}x{z}, spacing {spacing}, {stored} of {all} bricks{finer}"),
             self.model(particles.and_then(Particles::length_unit)),
             text,
         ];

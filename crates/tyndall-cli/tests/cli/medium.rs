@@ -584,3 +584,22 @@ fn particles_beyond_the_memory_are_read_in_parts_for_the_same_picture() {
     let dry = folder.render(&format!("{many} --memory 4M -o no.png --dry-run"));
     assert!(dry.fine().contains("80,000 particles"));
 }
+
+#[test]
+fn a_dense_core_is_sampled_finer_than_its_tail() {
+    let folder = Folder::new();
+    let cloud = "synthetic:clustered?n=20000 --mode medium --grid 24 --size 64x48 --samples 1";
+    let said = folder.render(&format!("{cloud} --finer 2 -o finer.png --statistics finer.json -v")).fine();
+    assert!(said.contains("of them finer") && said.contains("finer bricks: "), "{said}");
+    let statistics = std::fs::read_to_string(folder.path("finer.json")).unwrap();
+    let levels =
+        serde_json::from_str::<serde_json::Value>(&statistics).unwrap()["grid"]["bricks"]["finer"].clone();
+    assert!(levels[1].as_u64() > Some(0) && levels[2] == 0, "{levels}");
+    let said = folder.render(&format!("{cloud} -o even.png -v")).fine();
+    assert!(!said.contains("finer"), "{said}");
+    assert_ne!(png(&folder.path("finer.png")).0, png(&folder.path("even.png")).0);
+    folder.render(&format!("{cloud} --finer 4 -o no.png")).fails(2, &["--finer", "3"]);
+    folder
+        .render(&format!("{cloud} --finer 1 --smoothing scatter -o no.png"))
+        .fails(2, &["finer", "take a gather"]);
+}

@@ -7,8 +7,10 @@
 //! Invariant: a brick is stored with an apron of one sample beyond its far sides (9^3 values; at the border of the lattice the
 //! border's samples again), so that the eight corners of a cell lie in one brick. Bricks of nothing but 0 share the
 //! first stored one, which is all zero, so that a look-up has no branch for them; others that are alike share one too ([`Brick`]).
+//! Some bricks may be parted into finer ones, which are stored as they are (`finer.rs`).
 
 mod bricks;
+mod finer;
 
 use glam::{UVec3, Vec3};
 use rayon::prelude::*;
@@ -16,6 +18,10 @@ use rayon::prelude::*;
 use crate::error::{Error, Result};
 use crate::math::Bounds;
 pub use bricks::Brick;
+pub(in crate::medium) use finer::Fine;
+use finer::Levels;
+pub use finer::MOST_LEVELS;
+pub(crate) use finer::Piece;
 
 /// Samples along an edge of a brick.
 pub const BRICK: u32 = 8;
@@ -104,6 +110,15 @@ pub struct Range {
     pub max: f32,
 }
 
+impl Range {
+    /// Of a brick's samples.
+    fn of(samples: &[f32; STORED]) -> Self {
+        let ends = |(min, max): (f32, f32), &it: &f32| (min.min(it), max.max(it));
+        let (min, max) = samples.iter().fold((f32::INFINITY, f32::NEG_INFINITY), ends);
+        Self { min, max }
+    }
+}
+
 /// A place in the lattice: a cell, and where in it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CellPoint {
@@ -123,6 +138,8 @@ pub struct Grid {
     places: Vec<u32>,
     stored: Vec<[f32; STORED]>,
     ranges: Vec<Range>,
+    /// The bricks that are parted into finer ones.
+    finer: Option<Box<Levels>>,
 }
 
 impl Grid {
@@ -181,7 +198,7 @@ impl Grid {
         self.lattice.bounds()
     }
 
-    /// Sample (i, j, k). Panics beyond the lattice.
+    /// Sample (i, j, k); inside a brick that is parted into finer ones a mean of theirs. Panics beyond the lattice.
     pub fn value(&self, i: u32, j: u32, k: u32) -> f32 {
         self.corner([i, j, k])[0]
     }
@@ -198,14 +215,19 @@ impl Grid {
     /// The field at a point: trilinear, 0 outside the box.
     #[inline]
     pub fn density(&self, at: Vec3) -> f32 {
-        self.cell_point(at).map_or(0.0, |point| trilinear(&self.corners(point.cell), point.fraction))
+        let Some(point) = self.cell_point(at) else { return 0.0 };
+        if self.is_even() {
+            return trilinear(&self.corners(point.cell), point.fraction);
+        }
+        let (corners, fraction, _) = self.finest(&point);
+        trilinear(&corners, fraction)
     }
 
     /// The derivative of the field along the axes, per unit length: that of the trilinear field inside a cell; 0 outside the box
     /// and along an axis on which the look-up clamps.
     pub fn gradient(&self, at: Vec3) -> Vec3 {
-        let Some(CellPoint { cell, fraction }) = self.cell_point(at) else { return Vec3::ZERO };
-        let corners = self.corners(cell);
+        let Some(point) = self.cell_point(at) else { return Vec3::ZERO };
+        let (corners, fraction, cells) = self.finest(&point);
         let place = self.to_lattice(at);
         let slope = |axis: usize| {
             let clamps = !(0.0..(self.lattice.size[axis] - 1) as f32).contains(&place[axis]);
@@ -214,12 +236,18 @@ impl Grid {
                 fraction[axis] = end;
                 trilinear(&corners, fraction)
             };
-            if clamps { 0.0 } else { (side(1.0) - side(0.0)) * self.inv_spacing }
+            if clamps { 0.0 } else { (side(1.0) - side(0.0)) * cells * self.inv_spacing }
         };
         Vec3::new(slope(0), slope(1), slope(2))
     }
 
-    /// The cell around a point and the point's place in it; `None` outside the box.
+    /// The corners of the finest cell around a point of the lattice, the point's place in it, and cells a spacing.
+    fn finest(&self, CellPoint { cell, fraction }: &CellPoint) -> ([f32; 8], Vec3, f32) {
+        let place = UVec3::from_array(*cell).as_vec3() + *fraction;
+        self.cell_in(cell.map(|it| it / BRICK), place)
+    }
+
+    /// The cell of the lattice around a point and the point's place in it; `None` outside the box.
     #[inline(always)]
     pub fn cell_point(&self, at: Vec3) -> Option<CellPoint> {
         let place = self.to_lattice(at);
@@ -303,9 +331,9 @@ impl Grid {
         self.ranges.iter().fold(0.0, |max, it| max.max(it.max))
     }
 
-    /// Bricks that are stored, and those that the lattice has.
+    /// Bricks that are stored, and those that the lattice has; finer ones do not count.
     pub fn stored_bricks(&self) -> [usize; 2] {
-        [self.stored.len() - 1, self.places.len()]
+        [self.stored.len() - 1 - self.stored_parts(), self.places.len()]
     }
 
     /// The box of the samples that are not 0, grown by a spacing: outside it the field is 0. `None` if all are 0.
@@ -330,9 +358,12 @@ impl Grid {
         Some(Bounds { min: low, max: high }.grown(self.lattice.spacing))
     }
 
-    /// The sum of the samples times the volume of a cell: the mass that the grid holds.
+    /// The sum of the samples, the finest there are, times the volume of a cell: the mass that the grid holds.
     pub fn mass(&self) -> f64 {
         let own = |number: usize| {
+            if let Some(sum) = self.sum_of_parts(number) {
+                return sum;
+            }
             let stored = &self.stored[self.places[number] as usize];
             let brick = self.lattice.brick(number);
             let [x, y, z] = std::array::from_fn(|axis| {

@@ -9,12 +9,15 @@ use fearless_simd_macros::simd;
 use glam::Vec3;
 
 use super::block::{Block, Near, Samples, count, distances_sq, sum};
+use super::finer::Parted;
 use super::length::{Bracket, Held, alpha};
 use super::select::nth_smallest;
-use super::volume::Blocks;
+use super::volume::{Blocks, Filling};
 use super::{Settings, Smoothing};
+use crate::error::Result;
 use crate::medium::cells::{CELL, Cells, Counted, Within};
 use crate::medium::kernel::Shape;
+use crate::progress::Progress;
 
 /// How samples come to their lengths.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -53,6 +56,20 @@ pub(super) struct Gather<'a, K> {
     pub(super) target: f32,
     /// What the particles add: their weights first, then the fields' products; the kernel's normalization is in them.
     pub(super) columns: &'a [&'a [[f32; CELL]]],
+}
+
+impl<K: Shape> Gather<'_, K> {
+    /// Fills bricks with finer samples.
+    pub(super) fn part(
+        &self,
+        filling: &mut Filling,
+        parted: &[Parted],
+        progress: &dyn Progress,
+    ) -> Result<()> {
+        let spacing = filling.lattice().spacing;
+        let spaced = |level: u32| Self { block: Block::new(spacing / (1 << level) as f32), ..*self };
+        filling.part(spaced, parted, progress)
+    }
 }
 
 impl<K: Shape> Blocks for Gather<'_, K> {

@@ -1,6 +1,7 @@
 //! What an estimate takes, checked: the settings, and which attributes weigh, reach and come along.
 
 use super::automatic::{LONGEST, SHORTEST};
+use super::finer;
 use super::{LENGTH_NAMES, MASS_NAMES, Settings, Smoothing, Weight};
 use crate::error::{Error, Result};
 use crate::names::nearest;
@@ -25,7 +26,7 @@ pub(super) fn check(count: u64, settings: &Settings) -> Result<()> {
     if settings.further_passes > 16 {
         return Err(Error::setting("further passes", settings.further_passes, "from 0 to 16"));
     }
-    Ok(())
+    finer::check(settings)
 }
 
 /// The attribute that weighs the particles; `None`: each weighs 1.

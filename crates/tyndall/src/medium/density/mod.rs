@@ -10,6 +10,7 @@
 
 mod automatic;
 mod block;
+mod finer;
 mod gather;
 mod inputs;
 mod length;
@@ -31,7 +32,7 @@ use self::scatter::Scatter;
 pub use self::spread::{Spread, spread};
 use self::statistics::Statistics;
 pub use self::stream::{particle_bytes, plan_stream, stream};
-use self::volume::fill;
+use self::volume::Filling;
 use super::cells::{CELL, Cells, Column};
 use super::grid::{Grid, Lattice};
 use super::kernel::{CubicSpline, Kernel, Poly6, Shape, WendlandC2};
@@ -127,6 +128,9 @@ pub struct Settings {
     pub fields: Vec<String>,
     /// Where the samples lie.
     pub resolution: Resolution,
+    /// How often the spacing may be halved in bricks where lengths are below three spacings, at most 3. `None`: as often as lengths ask
+    /// for with [`Resolution::Automatic`], else never. Finer bricks take a gigabyte at most, and a quarter of `memory_bytes`. The scatter has none.
+    pub finer: Option<u32>,
     /// Memory that may be taken, in bytes; `None`: as much as it takes.
     pub memory_bytes: Option<u64>,
 }
@@ -144,6 +148,7 @@ impl Default for Settings {
             particle_length: None,
             fields: Vec::new(),
             resolution: Resolution::default(),
+            finer: None,
             memory_bytes: None,
         }
     }
@@ -295,6 +300,8 @@ impl Work<'_> {
         progress: &dyn Progress,
     ) -> Result<(Vec<Grid>, Statistics)> {
         let Self { cells, settings, lattice, .. } = self;
+        let all: Vec<usize> = (0..lattice.brick_count()).collect();
+        let mut filling = Filling::new(lattice, self.columns.len());
         let longest = match self.lengths {
             Lengths::Samples(longest) => longest,
             Lengths::Particles(lengths) => {
@@ -302,7 +309,9 @@ impl Work<'_> {
                 if outside > 0 {
                     notes.push(format!("{outside} particles lie outside the grid's box"));
                 }
-                return fill(&scatter, &lattice, progress);
+                progress.begin("density", Some(all.len() as u64), "bricks");
+                filling.fill(&scatter, &all, progress)?;
+                return Ok(filling.finish());
             }
         };
         let normalization = settings.kernel.normalization() as f32;
@@ -312,6 +321,14 @@ impl Work<'_> {
         let columns: Vec<&[[f32; CELL]]> = self.columns.iter().map(|it| &it[..]).collect();
         let (block, target) = (Block::new(lattice.spacing), settings.neighbors as f32);
         let rule = Rule::of(settings);
-        fill(&Gather { cells, block, shape, rule, longest, target, columns: &columns }, &lattice, progress)
+        let gather = Gather { cells, block, shape, rule, longest, target, columns: &columns };
+        progress.begin("density", Some(all.len() as u64), "bricks");
+        filling.fill(&gather, &all, progress)?;
+        let (most, room_bytes) = finer::most(settings);
+        let parted = filling.parted(most, room_bytes);
+        notes.extend(finer::note(&parted));
+        progress.begin("refine", Some(parted.len() as u64), "bricks");
+        gather.part(&mut filling, &parted, progress)?;
+        Ok(filling.finish())
     }
 }

@@ -12,6 +12,7 @@ mod tests;
 
 use super::automatic::{self, Reached};
 use super::block::Block;
+use super::finer::{self, Parted};
 use super::gather::{Gather, Rule};
 use super::volume::Filling;
 use super::{Settings, Smoothing, Volume, Weight, inputs};
@@ -19,7 +20,7 @@ use crate::error::{Error, Result};
 use crate::math::Bounds;
 use crate::medium::cells::{CELL, Cells};
 use crate::medium::grid::{BRICK, Lattice};
-use crate::medium::kernel::{CubicSpline, Kernel, Poly6, WendlandC2};
+use crate::medium::kernel::{CubicSpline, Kernel, Poly6, Shape, WendlandC2};
 use crate::progress::Progress;
 use crate::source::Source;
 use survey::{Marks, Survey};
@@ -70,36 +71,45 @@ fn stream_by(
     at_once: u64,
     progress: &dyn Progress,
 ) -> Result<(Volume, u64)> {
-    let Planned { survey, lattice, longest, bytes, mut notes } =
-        Planned::new(source, settings, at_once, progress)?;
-    let regions = Regions::over(&survey, &lattice, longest, at_once)?.found;
-    let bricks: u64 = regions.iter().map(Region::brick_count).sum();
-    progress.begin("density", Some(bricks), "bricks");
-    let mut filling = Filling::new(lattice, 1);
-    let mut left = &regions[..];
-    let mut readings = 0;
-    while !left.is_empty() {
-        let mut held = 0;
-        let fits = |region: &&Region| {
-            held += region.particles;
-            held <= at_once
-        };
-        let (some, others) = left.split_at(left.iter().take_while(fits).count());
-        let mut marks = Marks::none();
-        some.iter().for_each(|it| marks.add(&survey, it.reach(&lattice, longest)));
-        let positions = survey.gather(source, &marks, progress)?;
-        let cells = Cells::within(survey.bounds, positions.len(), |place| positions[place]);
-        drop(positions);
-        let numbers: Vec<usize> = some.iter().flat_map(|it| it.bricks(&lattice)).collect();
-        gather(&cells, settings, longest, (&mut filling, &numbers), progress)?;
-        (left, readings) = (others, readings + 1);
-    }
+    let planned = Planned::new(source, settings, at_once, progress)?;
+    let Planned { survey, lattice, longest, bytes, .. } = &planned;
+    let mut notes = planned.notes.clone();
+    let regions = Regions::over(survey, lattice, *longest, at_once)?.found;
+    let all: Vec<&Region> = regions.iter().collect();
+    let mut filling = Filling::new(*lattice, 1);
+    progress.begin("density", Some(regions.iter().map(Region::brick_count).sum()), "bricks");
+    let whole = planned.each_reading(source, (&all, at_once), progress, |cells, numbers| {
+        gather(cells, settings, *longest, (&mut filling, Samples::OfLattice(numbers)), progress)
+    })?;
+
+    let (most, room_bytes) = finer::most(settings);
+    let parted = filling.parted(most, room_bytes);
+    notes.extend(finer::note(&parted));
+    progress.begin("refine", Some(parted.len() as u64), "bricks");
+    let found = |number: usize| parted.binary_search_by_key(&number, |it| it.brick).ok();
+    let again: Vec<&Region> =
+        regions.iter().filter(|it| it.bricks(lattice).any(|number| found(number).is_some())).collect();
+    let refined = planned.each_reading(source, (&again, at_once), progress, |cells, numbers| {
+        let own: Vec<Parted> =
+            numbers.iter().filter_map(|&number| found(number)).map(|it| parted[it]).collect();
+        gather(cells, settings, *longest, (&mut filling, Samples::Finer(&own)), progress)
+    })?;
+    let readings = whole + refined;
     notes.push(format!("particles gathered in {readings} readings of the source, at most {at_once} at once"));
     let (mut grids, statistics) = filling.finish();
-    let length = Some(longest);
-    let volume =
-        Volume { density: grids.remove(0), fields: Vec::new(), statistics, length, peak_bytes: bytes, notes };
+    let (length, peak_bytes) = (Some(*longest), *bytes);
+    let density = grids.remove(0);
+    let volume = Volume { density, fields: Vec::new(), statistics, length, peak_bytes, notes };
     Ok((volume, source.len() - survey.kept))
+}
+
+/// Which samples are to be found.
+#[derive(Clone, Copy)]
+enum Samples<'a> {
+    /// Those of bricks of these numbers.
+    OfLattice(&'a [usize]),
+    /// Finer ones.
+    Finer(&'a [Parted]),
 }
 
 /// Fills bricks from the particles around them.
@@ -107,25 +117,43 @@ fn gather(
     cells: &Cells,
     settings: &Settings,
     longest: f32,
-    (filling, numbers): (&mut Filling, &[usize]),
+    (filling, samples): (&mut Filling, Samples),
     progress: &dyn Progress,
 ) -> Result<()> {
     let weights = vec![[settings.kernel.normalization() as f32; CELL]; cells.centers().len()];
     let (block, rule) = (Block::new(filling.lattice().spacing), Rule::of(settings));
     let (target, columns) = (settings.neighbors as f32, &[&weights[..]][..]);
     match settings.kernel {
-        Kernel::CubicSpline => {
-            let gather = Gather { cells, block, shape: CubicSpline, rule, longest, target, columns };
-            filling.fill(&gather, numbers, progress)
-        }
-        Kernel::WendlandC2 => {
-            let gather = Gather { cells, block, shape: WendlandC2, rule, longest, target, columns };
-            filling.fill(&gather, numbers, progress)
-        }
-        Kernel::Poly6 => {
-            let gather = Gather { cells, block, shape: Poly6, rule, longest, target, columns };
-            filling.fill(&gather, numbers, progress)
-        }
+        Kernel::CubicSpline => fill(
+            &Gather { cells, block, shape: CubicSpline, rule, longest, target, columns },
+            filling,
+            samples,
+            progress,
+        ),
+        Kernel::WendlandC2 => fill(
+            &Gather { cells, block, shape: WendlandC2, rule, longest, target, columns },
+            filling,
+            samples,
+            progress,
+        ),
+        Kernel::Poly6 => fill(
+            &Gather { cells, block, shape: Poly6, rule, longest, target, columns },
+            filling,
+            samples,
+            progress,
+        ),
+    }
+}
+
+fn fill(
+    gather: &Gather<impl Shape>,
+    filling: &mut Filling,
+    samples: Samples,
+    progress: &dyn Progress,
+) -> Result<()> {
+    match samples {
+        Samples::OfLattice(numbers) => filling.fill(gather, numbers, progress),
+        Samples::Finer(parted) => gather.part(filling, parted, progress),
     }
 }
 
@@ -161,6 +189,35 @@ impl Planned {
         let held = held_bytes(at_once.min(survey.kept)) + Survey::BYTES;
         let bytes = automatic::check_memory(held, reached, (&lattice, 1), settings)?;
         Ok(Self { survey, lattice, longest, bytes, notes })
+    }
+
+    /// Reads the source as often as it takes to sort the particles of all regions, at most `at_once` at a time; `act` gets some with the
+    /// numbers of the bricks around which they are. Returns how many readings there were.
+    fn each_reading(
+        &self,
+        source: &dyn Source,
+        (regions, at_once): (&[&Region], u64),
+        progress: &dyn Progress,
+        mut act: impl FnMut(&Cells, &[usize]) -> Result<()>,
+    ) -> Result<usize> {
+        let (mut left, mut readings) = (regions, 0);
+        while !left.is_empty() {
+            let mut held = 0;
+            let fits = |region: &&&Region| {
+                held += region.particles;
+                held <= at_once
+            };
+            let (some, others) = left.split_at(left.iter().take_while(fits).count());
+            let mut marks = Marks::none();
+            some.iter().for_each(|it| marks.add(&self.survey, it.reach(&self.lattice, self.longest)));
+            let positions = self.survey.gather(source, &marks, progress)?;
+            let cells = Cells::within(self.survey.bounds, positions.len(), |place| positions[place]);
+            drop(positions);
+            let numbers: Vec<usize> = some.iter().flat_map(|it| it.bricks(&self.lattice)).collect();
+            act(&cells, &numbers)?;
+            (left, readings) = (others, readings + 1);
+        }
+        Ok(readings)
     }
 }
 
@@ -208,7 +265,8 @@ impl Region {
     /// The box around all particles that its samples meet.
     fn reach(&self, lattice: &Lattice, longest: f32) -> Bounds {
         let min = lattice.position(self.first.map(|it| it * BRICK));
-        let max = lattice.position(self.end.map(|it| it * BRICK - 1));
+        // Finer samples go on to the first ones of the next bricks.
+        let max = lattice.position(self.end.map(|it| it * BRICK));
         // What rounding leaves in doubt is in it.
         let far = min.abs().max(max.abs()).max_element() + longest;
         Bounds { min, max }.grown(longest + 1e-5 * far)

@@ -378,3 +378,65 @@ fn work_can_be_interrupted() {
     let cloud = particles(&places(0, 100), &[]);
     assert!(matches!(estimate(&cloud, &Settings::default(), &Stop), Err(Error::Interrupted)));
 }
+
+/// The middle of the dense ball, within a brick of [`settings`]' lattice.
+const CORE: Vec3 = Vec3::new(0.45, -0.1, 0.0);
+
+/// A dense ball in a thin one.
+fn core_and_tail(count: usize) -> Vec<Vec3> {
+    let mut stream = Stream::new(31, 4);
+    let place = |k: usize| {
+        let (radius, center) = if k.is_multiple_of(2) { (0.2, CORE) } else { (0.9, Vec3::ZERO) };
+        center + radius * stream.unit().cbrt() * stream.direction()
+    };
+    (0..count).map(place).collect()
+}
+
+#[test]
+fn finer_bricks_are_where_lengths_are_short_and_right_there() {
+    let places = core_and_tail(4000);
+    let cloud = particles(&places, &[]);
+    let even = settings(Smoothing::ThreePass, 0.5, 32);
+    let finer = Settings { finer: Some(3), ..even.clone() };
+    let [even, finer] = [even, finer].map(|settings| (estimate(&cloud, &settings, &()).unwrap(), settings));
+    assert!(even.0.density.levels()[1..] == [0; 3] && finer.0.density.levels()[0] > 0);
+    assert!(finer.0.notes.iter().any(|it| it.contains("finer bricks")), "{:?}", finer.0.notes);
+    let brick = |at: Vec3| finer.0.density.cell_point(at).unwrap().cell.map(|it| it / 8);
+    assert_eq!(finer.0.density.level(brick(CORE)), 3);
+    // Along a line through the core, against the definition.
+    let weights = vec![1.0; places.len()];
+    let mut errors = [0.0_f64; 2];
+    let mut greatest = 0.0_f64;
+    for step in 0..60 {
+        let at = CORE + Vec3::new(0.25 * (step as f32 / 30.0 - 1.0), 0.01, -0.007);
+        let wanted = oracle(&places, &weights, &finer.1, at).density;
+        greatest = greatest.max(wanted);
+        for (error, volume) in errors.iter_mut().zip([&finer.0, &even.0]) {
+            *error += (f64::from(volume.density.density(at)) - wanted).abs() / 60.0;
+        }
+    }
+    assert!(errors[0] < 0.06 * greatest && errors[0] < 0.4 * errors[1], "{errors:?} of {greatest}");
+    // The lattice's own samples hold what the finer ones do.
+    let density = &finer.0.density;
+    let [x, y, z] = density.size();
+    let sum: f64 =
+        (0..x * y * z).map(|place| f64::from(density.value(place % x, place / x % y, place / (x * y)))).sum();
+    let mass = sum * f64::from(density.spacing()).powi(3);
+    assert!((mass / density.mass() - 1.0).abs() < 0.1, "{mass} {}", density.mass());
+}
+
+#[test]
+fn bricks_are_parted_by_themselves_only_where_the_lattice_is_automatic_and_memory_allows() {
+    let cloud = particles(&core_and_tail(3000), &[]);
+    let levels = |settings: Settings| estimate(&cloud, &settings, &()).unwrap().density.levels();
+    let coarse = settings(Smoothing::ThreePass, 0.5, 20);
+    assert_eq!(levels(coarse.clone())[1..], [0; 3]);
+    let unlimited = levels(Settings { finer: Some(2), ..coarse.clone() });
+    assert!(unlimited[2] > 0 && unlimited[3] == 0, "{unlimited:?}");
+    let limited = levels(Settings { finer: Some(2), memory_bytes: Some(1 << 20), ..coarse.clone() });
+    assert_eq!(limited[1..], [0; 3]);
+    let refused = |settings: Settings| estimate(&cloud, &settings, &()).err().unwrap().to_string();
+    assert!(refused(Settings { finer: Some(4), ..coarse.clone() }).contains("from 0 to 3"));
+    let scatter = Settings { finer: Some(1), smoothing: Smoothing::Scatter, ..coarse };
+    assert!(refused(scatter).contains("take a gather"));
+}

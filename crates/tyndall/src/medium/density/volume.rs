@@ -6,10 +6,11 @@
 use glam::Vec3;
 use rayon::prelude::*;
 
+use super::finer::Parted;
 use super::gather::Found;
 use super::statistics::Statistics;
 use crate::error::{Error, Result};
-use crate::medium::grid::{BRICK, Brick, CORE_SAMPLES, Grid, Lattice};
+use crate::medium::grid::{BRICK, Brick, CORE_SAMPLES, Fine, Grid, Lattice, MOST_LEVELS};
 use crate::progress::Progress;
 
 /// What gives samples their values, 64 at a time.
@@ -23,27 +24,26 @@ pub(super) trait Blocks: Sync {
     fn target(&self) -> u32;
 }
 
-/// Fills the lattice: a grid for each column, and what the samples used. Fails with [`Error::Interrupted`].
-pub(super) fn fill(
-    blocks: &impl Blocks,
-    lattice: &Lattice,
-    progress: &dyn Progress,
-) -> Result<(Vec<Grid>, Statistics)> {
-    let all: Vec<usize> = (0..lattice.brick_count()).collect();
-    progress.begin("density", Some(all.len() as u64), "bricks");
-    let mut filling = Filling::new(*lattice, blocks.columns());
-    filling.fill(blocks, &all, progress)?;
-    Ok(filling.finish())
-}
-
 /// Grids of which some bricks are filled.
 pub(super) struct Filling {
     lattice: Lattice,
     /// The bricks of each column.
     cores: Vec<Vec<Brick>>,
+    /// The square of the shortest length of each brick's samples; infinite without particles.
+    shortest_sq: Vec<f32>,
+    /// Finer samples of each column.
+    fine: Vec<Vec<Fine>>,
     statistics: Statistics,
 }
 
+/// A brick that is filled.
+struct Filled {
+    columns: Vec<Brick>,
+    shortest_sq: f32,
+}
+
+/// Share of the mass for which no brick is parted.
+const NEGLIGIBLE: f64 = 0.01;
 /// Bricks that a thread fills at a time.
 const RUN: usize = 16;
 
@@ -51,7 +51,9 @@ impl Filling {
     /// Grids of that many columns without density.
     pub(super) fn new(lattice: Lattice, columns: usize) -> Self {
         let cores = vec![vec![Brick::EMPTY; lattice.brick_count()]; columns];
-        Self { lattice, cores, statistics: Statistics::default() }
+        let shortest_sq = vec![f32::INFINITY; lattice.brick_count()];
+        let fine = vec![Vec::new(); columns];
+        Self { lattice, cores, shortest_sq, fine, statistics: Statistics::default() }
     }
 
     /// Where the samples lie.
@@ -71,19 +73,70 @@ impl Filling {
                 return Err(Error::Interrupted);
             }
             let mut statistics = Statistics::default();
-            let cores: Vec<Vec<Brick>> = numbers
+            let filled: Vec<Filled> = numbers
                 .iter()
                 .map(|&number| brick(blocks, &self.lattice, number, (found, &mut statistics)))
                 .collect();
             progress.advance(numbers.len() as u64);
-            Ok((cores, statistics))
+            Ok((filled, statistics))
         };
-        let runs: Vec<(Vec<Vec<Brick>>, Statistics)> =
+        let runs: Vec<(Vec<Filled>, Statistics)> =
             numbers.par_chunks(RUN).map_init(Found::default, run).collect::<Result<_>>()?;
         for (numbers, (bricks, statistics)) in numbers.chunks(RUN).zip(runs) {
             self.statistics = self.statistics.with(statistics);
             for (&number, brick) in numbers.iter().zip(bricks) {
-                self.cores.iter_mut().zip(brick).for_each(|(column, core)| column[number] = core);
+                self.shortest_sq[number] = brick.shortest_sq;
+                self.cores.iter_mut().zip(brick.columns).for_each(|(column, core)| column[number] = core);
+            }
+        }
+        Ok(())
+    }
+
+    /// Which bricks are to be parted, at most `most` times in halves, in so much memory: those of which a sample has a length below six
+    /// spacings of the lattice, so that three spacings of their own are not more than it. None if they hold no more than
+    /// [`NEGLIGIBLE`] of the mass.
+    pub(super) fn parted(&self, most: u32, room_bytes: u64) -> Vec<Parted> {
+        let asked: Vec<Parted> = (0..)
+            .zip(&self.shortest_sq)
+            .map(|(brick, length_sq)| {
+                let level = (3.0 * self.lattice.spacing / length_sq.sqrt()).log2().floor() as u32;
+                Parted { brick, level: level.min(most) }
+            })
+            .filter(|it| it.level > 0)
+            .collect();
+        let mass = |brick: usize| self.cores[0][brick].sum();
+        let of_asked: f64 = asked.iter().map(|it| mass(it.brick)).sum();
+        let of_all: f64 = (0..self.cores[0].len()).map(mass).sum();
+        if of_asked <= NEGLIGIBLE * of_all {
+            return Vec::new();
+        }
+        let at_most = |level: u32| asked.iter().map(move |it| Parted { level: it.level.min(level), ..*it });
+        let bytes = |level: u32| at_most(level).map(|it| it.bytes()).sum::<u64>() * self.cores.len() as u64;
+        let fits = (1..=most).rev().find(|&level| bytes(level) <= room_bytes);
+        fits.map_or(Vec::new(), |level| at_most(level).collect())
+    }
+
+    /// Fills bricks with finer samples: `blocks` gives what does so by level. Fails with [`Error::Interrupted`].
+    pub(super) fn part<B: Blocks>(
+        &mut self,
+        blocks: impl Fn(u32) -> B,
+        parted: &[Parted],
+        progress: &dyn Progress,
+    ) -> Result<()> {
+        let blocks: Vec<B> = (0..=MOST_LEVELS).map(blocks).collect();
+        let one = |found: &mut Found, parted: &Parted| {
+            if progress.cancelled() {
+                return Err(Error::Interrupted);
+            }
+            let samples = parted.samples(&blocks[parted.level as usize], &self.lattice, found);
+            progress.advance(1);
+            Ok(samples)
+        };
+        let found: Vec<Vec<Vec<f32>>> =
+            parted.par_iter().map_init(Found::default, one).collect::<Result<_>>()?;
+        for (&Parted { brick, level }, columns) in parted.iter().zip(found) {
+            for (fine, samples) in self.fine.iter_mut().zip(columns) {
+                fine.push(Fine { brick, level, samples });
             }
         }
         Ok(())
@@ -91,8 +144,9 @@ impl Filling {
 
     /// The grids, and what their samples used.
     pub(super) fn finish(self) -> (Vec<Grid>, Statistics) {
-        let Self { lattice, cores, statistics } = self;
-        (cores.into_iter().map(|cores| Grid::from_cores(lattice, cores)).collect(), statistics)
+        let Self { lattice, cores, fine, statistics, .. } = self;
+        let grids = cores.into_iter().zip(&fine).map(|(cores, fine)| Grid::from_levels(lattice, cores, fine));
+        (grids.collect(), statistics)
     }
 }
 
@@ -102,7 +156,8 @@ fn brick(
     lattice: &Lattice,
     number: usize,
     (found, statistics): (&mut Found, &mut Statistics),
-) -> Vec<Brick> {
+) -> Filled {
+    let mut shortest_sq = f32::INFINITY;
     let first = lattice.brick(number).map(|it| it * BRICK);
     let mut cores: Vec<Option<Box<[f32; CORE_SAMPLES]>>> = vec![None; blocks.columns()];
     for block in 0..8_u32 {
@@ -120,6 +175,9 @@ fn brick(
             let sample = sample as usize;
             let [whole, used] = [&found.whole, &found.used].map(|it| it.as_flattened()[sample]);
             statistics.add(whole, used, blocks.target());
+            if whole > 0 {
+                shortest_sq = shortest_sq.min(found.length_sq.as_flattened()[sample]);
+            }
             for (core, sums) in cores.iter_mut().zip(&found.sums) {
                 let core = core.get_or_insert_with(|| Box::new([0.0; CORE_SAMPLES]));
                 core[(place[2] * 64 + place[1] * 8 + place[0]) as usize] = sums.as_flattened()[sample];
@@ -129,5 +187,5 @@ fn brick(
     let filled = |core: Option<Box<[f32; CORE_SAMPLES]>>| {
         core.filter(|core| core.iter().any(|&it| it != 0.0)).map_or(Brick::EMPTY, Brick::Samples)
     };
-    cores.into_iter().map(filled).collect()
+    Filled { columns: cores.into_iter().map(filled).collect(), shortest_sq }
 }

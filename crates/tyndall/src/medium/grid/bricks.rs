@@ -24,10 +24,18 @@ impl Brick {
     /// A brick without density.
     pub const EMPTY: Self = Self::Constant(0.0);
 
-    fn sample(&self, place: usize) -> f32 {
+    pub(super) fn sample(&self, place: usize) -> f32 {
         match self {
             Self::Constant(value) => *value,
             Self::Samples(samples) => samples[place],
+        }
+    }
+
+    /// The sum of its samples.
+    pub(in crate::medium) fn sum(&self) -> f64 {
+        match self {
+            Self::Constant(value) => CORE_SAMPLES as f64 * f64::from(*value),
+            Self::Samples(samples) => samples.iter().map(|&it| f64::from(it)).sum(),
         }
     }
 
@@ -79,14 +87,10 @@ impl Grid {
         }
         stored.resize(kept.len() + 1, [0.0; STORED]);
         stored[1..].par_iter_mut().zip(&kept).for_each(|(stored, &number)| *stored = whole.stored(number));
-        let range = |samples: &[f32; STORED]| {
-            let ends = |(min, max): (f32, f32), &it: &f32| (min.min(it), max.max(it));
-            let (min, max) = samples.iter().fold((f32::INFINITY, f32::NEG_INFINITY), ends);
-            Range { min, max }
-        };
-        let of_stored: Vec<Range> = stored.par_iter().map(range).collect();
+        let of_stored: Vec<Range> = stored.par_iter().map(Range::of).collect();
         let ranges = places.iter().map(|&place| of_stored[place as usize]).collect();
-        Self { lattice, inv_spacing: 1.0 / lattice.spacing, bricks: whole.bricks, places, stored, ranges }
+        let (inv_spacing, bricks) = (1.0 / lattice.spacing, whole.bricks);
+        Self { lattice, inv_spacing, bricks, places, stored, ranges, finer: None }
     }
 
     /// The samples of a brick without its apron, 0 beyond the lattice. Panics if there is no such brick.

@@ -117,6 +117,16 @@ pub(super) enum Lit {
     Colored(LitBricks<Vec3>),
 }
 
+impl Lit {
+    /// Whether no brick is parted into finer ones.
+    pub(super) fn is_even(&self) -> bool {
+        match self {
+            Self::Grey(bricks, _) => bricks.is_even(),
+            Self::Colored(bricks) => bricks.is_even(),
+        }
+    }
+}
+
 /// The color of all light.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Hue {

@@ -122,7 +122,7 @@ impl<'a> Tracker<'a> {
         let mut depth = exponential(stream);
         for step in path.bricks(grid) {
             let (brick, Step { from, to, .. }) = (step.brick(), step);
-            let range = grid.brick_range(brick);
+            let range = grid.piece_range(brick);
             if range.max == 0.0 {
                 continue;
             }
@@ -209,7 +209,7 @@ impl<'a> Tracker<'a> {
         let mut depth = exponential(stream);
         for step in path.bricks(grid) {
             let (brick, Step { from, to, .. }) = (step.brick(), step);
-            let max = grid.brick_range(brick).max;
+            let max = grid.piece_range(brick).max;
             let majorant = self.greatest * max;
             let left = (to - from) * majorant;
             if depth > left {
@@ -258,7 +258,7 @@ impl<'a> Tracker<'a> {
         let grid = self.medium.density();
         for step in path.bricks(grid) {
             let (brick, Step { from, to, .. }) = (step.brick(), step);
-            if grid.brick_range(brick).max == 0.0 {
+            if grid.piece_range(brick).max == 0.0 {
                 continue;
             }
             let samples = Brick::new(grid, brick);

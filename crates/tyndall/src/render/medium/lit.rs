@@ -1,7 +1,8 @@
 //! What the march looks up: density and light side by side, at the samples of the density's bricks.
 //!
 //! Takes a grid and what gives light to a point; a look-up reads four rows of one brick and gives both at once. Light is the
-//! radiance that scattering and emission add per extinction; the three colors of it, or one that they are multiples of. Invariant: where the
+//! radiance that scattering and emission add per extinction; the three colors of it, or one that they are multiples of. Bricks that are parted
+//! into finer ones have entries of their parts, with light between the samples of the lattice. Invariant: where the
 //! density is not 0, so is an entry; elsewhere the entry says how many bricks it is at least to the next one that is not empty.
 
 use bytemuck::Pod;
@@ -13,7 +14,7 @@ use rayon::prelude::*;
 use super::space::Space;
 use crate::math::exp_minus;
 use crate::medium::Grid;
-use crate::medium::grid::{BRICK, EDGE, STORED};
+use crate::medium::grid::{BRICK, EDGE, Piece, STORED};
 use crate::pages;
 
 /// Light of one color, or of three.
@@ -164,6 +165,8 @@ pub(super) struct LitBricks<L: Spectrum> {
     /// The last sample along each axis.
     pub(super) last: Vec3A,
     pub(super) samples: Vec<L::Sample>,
+    /// Of each brick that is not empty its level, and the number of its first part among all entries; none if no brick is parted.
+    parts: Vec<(u32, u32)>,
 }
 
 /// Gives light to the samples of a row, all of one brick: from a place in the lattice on, along x.
@@ -177,12 +180,42 @@ impl<L: Spectrum> LitBricks<L> {
         let space = Space::of(grid);
         let last = Vec3A::from(grid.size().map(|size| (size - 1) as f32));
         let filled = space.filled();
-        let mut samples = pages::filled(filled.len() * STORED, L::Sample::default());
+        let mut parts = Vec::new();
+        let mut count = filled.len();
+        if !grid.is_even() {
+            for &brick in &filled {
+                let level = grid.level(brick);
+                parts.push((level, count as u32));
+                count += if level > 0 { 1 << (3 * level) } else { 0 };
+            }
+        }
+        let mut samples = pages::filled(count * STORED, L::Sample::default());
         let level = Level::new();
-        samples.par_chunks_exact_mut(STORED).zip(&filled).for_each(|(samples, &brick)| {
+        let (own, mut others) = samples.split_at_mut(filled.len() * STORED);
+        own.par_chunks_exact_mut(STORED).zip(&filled).for_each(|(samples, &brick)| {
             dispatch!(level, simd => fill(simd, grid, brick, lights, samples));
         });
-        Self { space, last, samples }
+        let mut finer = Vec::new();
+        for (&brick, &(level, _)) in filled.iter().zip(&parts).filter(|(_, (level, _))| *level > 0) {
+            let (of_brick, rest) = std::mem::take(&mut others).split_at_mut(STORED << (3 * level));
+            finer.push((brick, level, of_brick));
+            others = rest;
+        }
+        finer.into_par_iter().for_each(|(brick, level, samples)| {
+            fill_parts(grid, (brick, level), lights, samples);
+        });
+        Self { space, last, samples, parts }
+    }
+
+    /// How often the spacing is halved in brick number `brick`.
+    #[inline(always)]
+    pub(super) fn level(&self, brick: usize) -> u32 {
+        self.parts.get(brick).map_or(0, |it| it.0)
+    }
+
+    /// Whether no brick is parted.
+    pub(super) fn is_even(&self) -> bool {
+        self.parts.is_empty()
     }
 
     pub(super) fn bytes(&self) -> u64 {
@@ -193,11 +226,28 @@ impl<L: Spectrum> LitBricks<L> {
     #[inline(always)]
     pub(super) fn look_up(&self, brick: usize, place: Vec3A) -> (f32, L) {
         let place = place.max(Vec3A::ZERO).min(self.last);
+        if self.level(brick) > 0 {
+            return self.look_up_part(brick, place);
+        }
         let cell = place.floor();
         let inside = cell - BRICK as f32 * (place * (1.0 / BRICK as f32)).floor();
         // Exact in floats.
         let at = inside.dot(Vec3A::new(1.0, EDGE as f32, (EDGE * EDGE) as f32)) as usize;
         L::interpolate(&self.samples[brick * STORED + at..], place - cell)
+    }
+
+    /// The same in a brick that is parted.
+    fn look_up_part(&self, brick: usize, place: Vec3A) -> (f32, L) {
+        let (level, first) = self.parts[brick];
+        let parts = (1 << level) as f32;
+        let corner = parts * (place * (1.0 / BRICK as f32)).floor();
+        let place = parts * place;
+        let part = (place * (1.0 / BRICK as f32)).floor();
+        let number = (part - corner).dot(Vec3A::new(1.0, parts, parts * parts)) as usize;
+        let inside = place - BRICK as f32 * part;
+        let cell = inside.floor();
+        let at = cell.dot(Vec3A::new(1.0, EDGE as f32, (EDGE * EDGE) as f32)) as usize;
+        L::interpolate(&self.samples[(first as usize + number) * STORED + at..], inside - cell)
     }
 
     /// Density and light at any place of the lattice.
@@ -210,6 +260,41 @@ impl<L: Spectrum> LitBricks<L> {
         match self.space.entry(place.max(Vec3A::ZERO).min(self.last)) {
             Ok(brick) => self.look_up(brick, place),
             Err(_) => (0.0, L::splat(0.0)),
+        }
+    }
+}
+
+/// Fills the parts of a brick, with their aprons.
+fn fill_parts<L: Spectrum>(
+    grid: &Grid,
+    (brick, level): ([u32; 3], u32),
+    lights: &impl Lights<L>,
+    samples: &mut [L::Sample],
+) {
+    let mut light = [[L::splat(0.0); EDGE]; EDGE * EDGE];
+    let first = brick.map(|it| it * BRICK);
+    for (number, row) in light.iter_mut().enumerate() {
+        lights.row([first[0], first[1] + (number % EDGE) as u32, first[2] + (number / EDGE) as u32], row);
+    }
+    let parts = 1_usize << level;
+    let mix = |a: L, b: L, share: f32| a * (1.0 - share) + b * share;
+    for (number, samples) in samples.chunks_exact_mut(STORED).enumerate() {
+        let part = [number % parts, number / parts % parts, number / (parts * parts)];
+        let at = std::array::from_fn(|axis| (brick[axis] << level) + part[axis] as u32);
+        let (densities, _) = grid.piece_samples(Piece { at, level });
+        for (place, (sample, &density)) in samples.iter_mut().zip(densities).enumerate() {
+            let inside = [place % EDGE, place / EDGE % EDGE, place / (EDGE * EDGE)];
+            // The cell of the lattice's samples of light, and the place in it.
+            let fine: [usize; 3] = std::array::from_fn(|axis| part[axis] * BRICK as usize + inside[axis]);
+            let cell = fine.map(|it| (it / parts).min(BRICK as usize - 1));
+            let share: [f32; 3] =
+                std::array::from_fn(|axis| fine[axis] as f32 / parts as f32 - cell[axis] as f32);
+            let along_x = |y: usize, z: usize| {
+                let row = &light[(cell[2] + z) * EDGE + cell[1] + y];
+                mix(row[cell[0]], row[cell[0] + 1], share[0])
+            };
+            let along_y = |z: usize| mix(along_x(0, z), along_x(1, z), share[1]);
+            *sample = L::sample(density, mix(along_y(0), along_y(1), share[2]));
         }
     }
 }

@@ -310,7 +310,10 @@ impl<'a> March<'a> {
     #[inline(always)]
     fn packets(&self) -> Option<&Lit> {
         match &self.light {
-            Source::Cached(cache, lit) if self.noise.is_none() && !cache.has_near() => Some(lit),
+            // Steps of one length on all lanes: not where some bricks are finer.
+            Source::Cached(cache, lit) if self.noise.is_none() && !cache.has_near() && lit.is_even() => {
+                Some(lit)
+            }
             _ => None,
         }
     }
@@ -377,27 +380,38 @@ impl<'a> March<'a> {
         let grid = self.medium.density();
         let extinction = L::of(Vec3::from(self.medium.optics().extinction), walk.channel) * self.step();
         let Some(mut crossing) = self.crossing(ray, start) else { return walk };
-        while let Some((distance, brick)) = crossing.next(&self.space) {
-            let t = crossing.path.enter + distance;
-            let (density, light, at) = match self.noise {
-                None => {
-                    let (density, light) = bricks.look_up(brick, crossing.path.at(distance));
-                    (density, light, ray.origin + t * ray.direction)
-                }
-                Some(noise) => {
-                    let (at, factor) = noise.disperse(ray.origin + t * ray.direction);
-                    let (density, light) = bricks.at(Vec3A::from((at - grid.origin()) / grid.spacing()));
-                    (factor * density, light, at)
-                }
-            };
-            if density > 0.0 {
-                let light = match cache.has_near() {
-                    false => light,
-                    true => light + L::of(cache.near(at, ray.direction), walk.channel),
+        'steps: while let Some((distance, brick)) = crossing.next(&self.space) {
+            // Where samples are closer, so are the points of a step.
+            let level = if self.noise.is_none() { bricks.level(brick) } else { 0 };
+            let share = 1.0 / (1 << level) as f32;
+            for part in 0..1 << level {
+                let distance = crossing.within(distance, part as f32, share);
+                let t = crossing.path.enter + distance;
+                let (density, light, at) = match self.noise {
+                    None => {
+                        let place = crossing.path.at(distance);
+                        let (density, light) = match level {
+                            0 => bricks.look_up(brick, place),
+                            _ if distance < crossing.path.length => bricks.at(place),
+                            _ => break,
+                        };
+                        (density, light, ray.origin + t * ray.direction)
+                    }
+                    Some(noise) => {
+                        let (at, factor) = noise.disperse(ray.origin + t * ray.direction);
+                        let (density, light) = bricks.at(Vec3A::from((at - grid.origin()) / grid.spacing()));
+                        (factor * density, light, at)
+                    }
                 };
-                walk.step(extinction * density, light, t);
-                if walk.is_dark() {
-                    break;
+                if density > 0.0 {
+                    let light = match cache.has_near() {
+                        false => light,
+                        true => light + L::of(cache.near(at, ray.direction), walk.channel),
+                    };
+                    walk.step(extinction * (share * density), light, t);
+                    if walk.is_dark() {
+                        break 'steps;
+                    }
                 }
             }
         }
@@ -479,6 +493,12 @@ struct Crossing {
 }
 
 impl Crossing {
+    /// Where the point of a part of a step lies whose own point is at `distance`; the parts have that share of it.
+    #[inline(always)]
+    fn within(&self, distance: f32, part: f32, share: f32) -> f32 {
+        distance + self.step * (share * (part + self.start) - self.start)
+    }
+
     /// The next step: its distance along the path, and the number of its brick.
     #[inline(always)]
     fn next(&mut self, space: &Space) -> Option<(f32, usize)> {

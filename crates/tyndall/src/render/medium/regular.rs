@@ -143,7 +143,7 @@ impl Tracker<'_> {
     /// Whether there is no density in a brick.
     #[inline(always)]
     fn is_empty(&self, step: &Step) -> bool {
-        self.medium.density().brick_range(step.brick()).max == 0.0
+        self.medium.density().piece_range(step.brick()).max == 0.0
     }
 
     /// Follows `path` through a brick, from the column that it has there, until it is `target` or to the brick's end.
@@ -151,7 +151,7 @@ impl Tracker<'_> {
     fn in_brick(&self, path: &Path, step: &Step, column: f32, target: f32) -> Reached {
         let Step { from, to, .. } = *step;
         let (grid, brick) = (self.medium.density(), step.brick());
-        let range = grid.brick_range(brick);
+        let range = grid.piece_range(brick);
         // A brick of one density is one cell.
         if range.min == range.max {
             let added = range.max * (to - from);

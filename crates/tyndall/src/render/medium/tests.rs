@@ -21,6 +21,7 @@ use crate::scene::camera::{Camera, Projection, View};
 
 mod denoise;
 mod emission;
+mod finer;
 mod refine;
 mod solids;
 

@@ -7,7 +7,7 @@ use glam::{Vec3A, Vec4, Vec4Swizzles};
 
 use crate::math::{Bounds, Ray};
 use crate::medium::Medium;
-use crate::medium::grid::{BRICK, EDGE, Grid, STORED};
+use crate::medium::grid::{BRICK, EDGE, Grid, Piece, STORED};
 
 /// A ray within the medium's box.
 #[derive(Clone, Copy, Default)]
@@ -57,18 +57,32 @@ impl Path {
         ((Vec3A::select(forward, high, low) - self.start) * self.inv_direction).min_element()
     }
 
-    /// The bricks that the path meets.
+    /// The bricks that the path meets, the finest there are.
     #[inline(always)]
-    pub(super) fn bricks(&self, grid: &Grid) -> Steps {
+    pub(super) fn bricks<'a>(&'a self, grid: &'a Grid) -> Bricks<'a> {
         let high = grid.bricks().map(|count| (count - 1) as f32);
-        Steps::new(self, [0.0, self.length], BRICK as f32, [Vec3A::ZERO, Vec3A::from(high)])
+        let steps = Steps::new(self, [0.0, self.length], BRICK as f32, [Vec3A::ZERO, Vec3A::from(high)]);
+        Bricks { path: self, grid, steps, parts: None }
+    }
+
+    /// The same in units of a lattice with so many samples for one, from a place in it.
+    #[inline(always)]
+    fn finer(&self, parts: f32, first: Vec3A) -> Self {
+        Self {
+            start: parts * self.start - first,
+            direction: parts * self.direction,
+            inv_direction: self.inv_direction / parts,
+            ..*self
+        }
     }
 }
 
 /// A brick as look-ups need it.
 pub(super) struct Brick<'a> {
     samples: &'a [f32; STORED],
-    /// Lattice coordinates of its first sample.
+    /// Its samples in a spacing of the lattice. What follows is in units of its own spacing.
+    parts: f32,
+    /// Coordinates of its first sample.
     first: Vec3A,
     /// The last place, from its first sample, at which look-ups do not clamp.
     limit: Vec3A,
@@ -79,16 +93,18 @@ const LAST_CELL: Vec3A = Vec3A::splat((BRICK - 1) as f32);
 
 impl<'a> Brick<'a> {
     #[inline(always)]
-    pub(super) fn new(grid: &'a Grid, brick: [u32; 3]) -> Self {
-        let first = Vec3A::from(brick.map(|it| (it * BRICK) as f32));
-        let last = Vec3A::from(grid.size().map(|size| (size - 1) as f32));
-        Self { samples: grid.brick_samples(brick), first, limit: (last - first).min(LAST_CELL + 1.0) }
+    pub(super) fn new(grid: &'a Grid, brick: Piece) -> Self {
+        let (samples, Piece { at, level }) = grid.piece_samples(brick);
+        let parts = (1 << level) as f32;
+        let first = Vec3A::from(at.map(|it| (it * BRICK) as f32));
+        let last = parts * Vec3A::from(grid.size().map(|size| (size - 1) as f32));
+        Self { samples, parts, first, limit: (last - first).min(LAST_CELL + 1.0) }
     }
 
     /// The field at a point of the lattice inside the brick.
     #[inline(always)]
     pub(super) fn density(&self, at: Vec3A) -> f32 {
-        let place = (at - self.first).max(Vec3A::ZERO).min(self.limit);
+        let place = (self.parts * at - self.first).max(Vec3A::ZERO).min(self.limit);
         let cell = place.floor().min(LAST_CELL);
         self.cell(cell).interpolate(place - cell)
     }
@@ -96,7 +112,7 @@ impl<'a> Brick<'a> {
     /// The cells that `path` meets between two distances within the brick.
     #[inline(always)]
     pub(super) fn steps(&self, path: &Path, between: [f32; 2]) -> Steps {
-        let inside = Path { start: path.start - self.first, ..*path };
+        let inside = path.finer(self.parts, self.first);
         // The border before the lattice is a cell of its own, -1, and so is the one behind its last sample.
         let low = Vec3A::select(self.first.cmpeq(Vec3A::ZERO), Vec3A::NEG_ONE, Vec3A::ZERO);
         Steps::new(&inside, between, 1.0, [low, self.limit.min(LAST_CELL)])
@@ -107,10 +123,10 @@ impl<'a> Brick<'a> {
     pub(super) fn pair(&self, path: &Path, cell: Vec3A, distances: [f32; 2]) -> [f32; 2] {
         let cell = cell.max(Vec3A::ZERO);
         let (corners, limit) = (self.cell(cell), (self.limit - cell).min(Vec3A::ONE));
-        let start = path.start - self.first - cell;
-        let field = |distance: f32| {
-            corners.interpolate((start + distance * path.direction).max(Vec3A::ZERO).min(limit))
-        };
+        let Path { start, direction, .. } = path.finer(self.parts, self.first);
+        let start = start - cell;
+        let field =
+            |distance: f32| corners.interpolate((start + distance * direction).max(Vec3A::ZERO).min(limit));
         [field(distances[0]), field(distances[1])]
     }
 
@@ -159,13 +175,62 @@ pub(super) struct Step {
     pub(super) at: Vec3A,
     pub(super) from: f32,
     pub(super) to: f32,
+    /// The level of a brick.
+    level: u32,
 }
 
 impl Step {
-    /// The brick's coordinates.
+    /// The brick.
     #[inline(always)]
-    pub(super) fn brick(&self) -> [u32; 3] {
-        self.at.to_array().map(|it| it as u32)
+    pub(super) fn brick(&self) -> Piece {
+        Piece { at: self.at.to_array().map(|it| it as u32), level: self.level }
+    }
+}
+
+/// The bricks of a path, in order: those of the lattice, or their parts.
+pub(super) struct Bricks<'a> {
+    path: &'a Path,
+    grid: &'a Grid,
+    steps: Steps,
+    /// Those of the present brick, and their level.
+    parts: Option<(Steps, u32)>,
+}
+
+impl Iterator for Bricks<'_> {
+    type Item = Step;
+
+    #[inline(always)]
+    fn next(&mut self) -> Option<Step> {
+        loop {
+            if let Some((steps, level)) = &mut self.parts {
+                if let Some(step) = steps.next() {
+                    return Some(Step { level: *level, ..step });
+                }
+                self.parts = None;
+            }
+            let step = self.steps.next()?;
+            if self.grid.is_even() {
+                return Some(step);
+            }
+            let brick = step.brick().at;
+            match self.grid.level(brick) {
+                0 => return Some(step),
+                level => self.parts = Some((self.parts_of(brick, level, [step.from, step.to]), level)),
+            }
+        }
+    }
+}
+
+impl Bricks<'_> {
+    /// The parts of a brick between two distances.
+    fn parts_of(&self, brick: [u32; 3], level: u32, between: [f32; 2]) -> Steps {
+        let end: [u32; 3] = std::array::from_fn(|axis| {
+            // Behind the last sample of the lattice there are no parts.
+            let last = ((self.grid.size()[axis] - 1) << level) / BRICK;
+            (((brick[axis] + 1) << level) - 1).min(last)
+        });
+        let [low, high] = [brick.map(|it| it << level), end].map(|it| Vec3A::from(it.map(|it| it as f32)));
+        Steps::new(&self.path.finer((1 << level) as f32, Vec3A::ZERO), between, BRICK as f32, [low, high])
     }
 }
 
@@ -219,6 +284,6 @@ impl Iterator for Steps {
         let crosses = self.next.cmpeq(Vec3A::splat(nearest));
         self.at += Vec3A::select(crosses, self.way, Vec3A::ZERO);
         self.next += Vec3A::select(crosses, self.delta, Vec3A::ZERO);
-        Some(Step { at, from, to: self.from })
+        Some(Step { at, from, to: self.from, level: 0 })
     }
 }
