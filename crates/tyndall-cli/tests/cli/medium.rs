@@ -570,7 +570,7 @@ fn a_picture_of_the_sky_is_a_light() {
 #[test]
 fn particles_beyond_the_memory_are_read_in_parts_for_the_same_picture() {
     let folder = Folder::new();
-    let many = "synthetic:cloud2?n=8e4 --mode medium --grid 32 --up 0,1,0 --size 64x48 --samples 1";
+    let many = "synthetic:cloud2?n=8e4 --mode medium --grid 32 --up 0,1,0 --size 64x48 --samples 1 --cache single";
     folder.render(&format!("{many} -o whole.png")).fine();
     let said = folder.render(&format!("{many} --memory 4M -o parts.png -v")).fine();
     for part in ["read in parts", "80,000 particles", "readings of the source"] {
@@ -588,7 +588,7 @@ fn particles_beyond_the_memory_are_read_in_parts_for_the_same_picture() {
 #[test]
 fn a_dense_core_is_sampled_finer_than_its_tail() {
     let folder = Folder::new();
-    let cloud = "synthetic:clustered?n=20000 --mode medium --grid 24 --size 64x48 --samples 1";
+    let cloud = "synthetic:clustered?n=20000 --mode medium --grid 24 --size 64x48 --samples 1 --cache single";
     let said = folder.render(&format!("{cloud} --finer 2 -o finer.png --statistics finer.json -v")).fine();
     assert!(said.contains("of them finer") && said.contains("finer bricks: "), "{said}");
     let statistics = std::fs::read_to_string(folder.path("finer.json")).unwrap();
