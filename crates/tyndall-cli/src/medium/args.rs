@@ -2,11 +2,11 @@
 
 use clap::{Args, ValueEnum};
 use tyndall::medium::density::{self, Resolution, Smoothing, Weight};
-use tyndall::medium::{Kernel, automatic};
+use tyndall::medium::{Kernel, NoiseKind, automatic};
 use tyndall::render::medium::free_path::FreePath;
 
 use super::emission::EmissionSpec;
-use super::values::{Gather, LightSpec, Noise, NoiseAmount, Rgb, Voxel, positive};
+use super::values::{Gather, LightSpec, Noise, NoiseAmount, NoiseMotion, Rgb, Voxel, positive};
 use crate::values::count;
 
 /// From particles to density.
@@ -111,6 +111,23 @@ pub(crate) struct Medium {
     /// Size of the largest features of the noise [default: a thirtieth of the medium]
     #[arg(long, value_name = "LENGTH", value_parser = positive, allow_hyphen_values = true)]
     pub(crate) noise_scale: Option<f32>,
+    /// How --noise displaces: perlin (gathers matter in some places, thins it out in others) or curl (stirs it, and keeps its density)
+    #[arg(long, value_name = "KIND", default_value = "perlin")]
+    pub(crate) noise_kind: NoiseKindName,
+    /// Octaves of the noise whose features are narrower than so many pixels fade out, without a change of the mean; 0 keeps them all
+    #[arg(long, value_name = "PIXELS", default_value_t = 1.0, allow_hyphen_values = true)]
+    pub(crate) noise_detail: f32,
+    /// How the noise of a sequence goes with the particles: auto (by ids if there are any, else by velocities, else it stands in space), id (id:NAME of
+    /// another attribute, id:index where particles keep their order), velocity (velocity:NAME), or none. Matter that rests, or moves or turns as a
+    /// whole, keeps its noise; where it is stirred new noise takes the old one's place
+    #[arg(long, value_name = "HOW", default_value = "auto")]
+    pub(crate) noise_motion: NoiseMotion,
+    /// How many frames noise goes with matter that is stirred, from coming in until it has gone
+    #[arg(long, value_name = "FRAMES", default_value_t = 24, value_parser = clap::value_parser!(u32).range(2..=10_000))]
+    pub(crate) noise_life: u32,
+    /// The time from frame to frame in the unit of the velocities that noise moves with [default: that between the first two frames]
+    #[arg(long, value_name = "TIME", value_parser = positive, allow_hyphen_values = true)]
+    pub(crate) noise_frame_time: Option<f32>,
     /// Length of a step of the march, in grid spacings
     #[arg(long, value_name = "S", default_value = "2", value_parser = positive, allow_hyphen_values = true)]
     pub(crate) step: f32,
@@ -221,6 +238,24 @@ pub(crate) enum SmoothingName {
     Exact,
     /// Each particle has its own; conserves mass
     Scatter,
+}
+
+/// Names of [`NoiseKind`].
+#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum NoiseKindName {
+    /// Each axis by a noise of its own
+    Perlin,
+    /// By the curl of three noises
+    Curl,
+}
+
+impl NoiseKindName {
+    pub(crate) fn kind(self) -> NoiseKind {
+        match self {
+            Self::Perlin => NoiseKind::Perlin,
+            Self::Curl => NoiseKind::Curl,
+        }
+    }
 }
 
 /// Names of [`tyndall::medium::Kernel`].

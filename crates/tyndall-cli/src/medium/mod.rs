@@ -5,6 +5,7 @@
 
 pub(crate) mod args;
 mod bodies;
+mod drift;
 pub(crate) mod emission;
 pub(crate) mod estimate;
 pub(crate) mod looks;
@@ -21,6 +22,7 @@ use clap::ValueEnum;
 use tyndall::medium::density::{self, Resolution, Volume};
 use tyndall::medium::grid::{Lattice, MOST_LEVELS};
 use tyndall::medium::light::{Directional, Environment};
+use tyndall::medium::noise::advection::Advection;
 use tyndall::medium::{Emission, Grid, Light, Medium, Noise, NoiseSettings, Optics, Phase, automatic};
 use tyndall::particles::{Particles, Radii};
 use tyndall::render::medium::{cache, march};
@@ -34,7 +36,7 @@ use tyndall_io::annotation::Behind;
 use tyndall_io::read::{self, Described};
 use tyndall_io::{Parts, Sequence, vdb, write};
 
-use self::args::{CacheName, MethodName, OpticsName};
+use self::args::{CacheName, MethodName, NoiseKindName, OpticsName};
 use self::emission::{EmissionSpec, Source, Values};
 use self::looks::MediumLook;
 use crate::args::{Picture, Render};
@@ -50,8 +52,9 @@ use crate::sources::{self, Sources};
 use crate::values::Background;
 use crate::{ahead, annotate, dry_run, input, metadata, plan, progress, render, selection, wanted};
 use bodies::Bodies;
+use drift::Drift;
 use picture::Renderer;
-use values::Rgb;
+use values::{NoiseMotion, Rgb};
 
 /// Whether files are grids of OpenVDB, as the first of them is.
 pub(crate) fn are_grids(files: &[PathBuf]) -> Outcome<bool> {
@@ -108,6 +111,8 @@ struct Facts<'a> {
     cell: Option<Cell>,
     metadata: &'a [(String, String)],
     bodies: Option<&'a Bodies>,
+    /// How the noise has gone with the particles.
+    advection: Option<Advection>,
 }
 
 /// What is in a frame beside the density.
@@ -197,7 +202,12 @@ impl Job<'_> {
         for light in &self.args.medium.lights {
             light.light(DVec3::ZERO, self.up())?;
         }
-        self.noise(1.0, DVec3::ZERO).map(Noise::new).transpose()?;
+        let noise = self.noise(1.0, DVec3::ZERO).map(Noise::new).transpose()?;
+        let motion = &self.args.medium.noise_motion;
+        if noise.is_none() && matches!(motion, NoiseMotion::Ids(_) | NoiseMotion::Velocities(_)) {
+            let text = "--noise-motion moves noise, of which there is none — give --noise or --density-noise, or leave it out";
+            return Err(Failure::Usage(text.into()));
+        }
         Ok(())
     }
 
@@ -208,7 +218,9 @@ impl Job<'_> {
         let pattern = Pattern::new(&self.args.picture.output);
         let mut wanted = wanted::of_density(&self.args.medium.density, &self.args.selection);
         self.emission_spec().want(&mut wanted);
+        Drift::want(&self.args.medium, &mut wanted);
         let sequence = input::open(&self.args.input, Some(wanted), self.report)?;
+        let mut drift = Drift::new(self, &sequence)?;
         let count = self.frames(sequence.len())?;
         let pictures =
             plan::pictures(self.args, &pattern, &Numbers::of(&self.args.input, count), self.report)?;
@@ -284,6 +296,8 @@ impl Job<'_> {
                     let content = Content { particles: Some(&particles), length, bodies: bodies.as_ref() };
                     let (medium, scene) = self.scene((density.density, values), content, kept.as_ref())?;
                     guesses.extend(scene.guesses.clone());
+                    let (advection, text) = drift.advection(own, &particles, &scene)?.unzip();
+                    guesses.extend(text);
                     if kept.is_none() {
                         self.report.note(format_args!("tyndall: {}", guesses.join(" · ")));
                     }
@@ -303,6 +317,7 @@ impl Job<'_> {
                         cell: particles.cell().copied(),
                         metadata: &metadata,
                         bodies: bodies.as_ref(),
+                        advection: advection.flatten(),
                     };
                     self.pictures(&medium, kept.insert(scene), wanted, &facts, (&mut output, written))
                 },
@@ -323,6 +338,10 @@ impl Job<'_> {
         let (own, count) = (count, self.frames(count)?);
         let pictures =
             plan::pictures(self.args, &pattern, &Numbers::of(&self.args.input, count), self.report)?;
+        if matches!(self.args.medium.noise_motion, NoiseMotion::Ids(_) | NoiseMotion::Velocities(_)) {
+            let text = "--noise-motion by ids or velocities is for particles, not for a grid — leave it out";
+            return Err(Failure::Usage(text.into()));
+        }
         if self.args.medium.statistics.is_some() {
             return Err(Failure::Usage("--statistics is for particles, not for a grid".into()));
         }
@@ -359,6 +378,7 @@ impl Job<'_> {
                 cell: None,
                 metadata: &metadata,
                 bodies: bodies.as_ref(),
+                advection: None,
             };
             self.pictures(&medium, kept.insert(scene), wanted, &facts, (&mut output, written))
         });
@@ -378,7 +398,7 @@ impl Job<'_> {
             return Ok(());
         }
         let start = Instant::now();
-        let renderer = Renderer::new(self, medium, scene, facts.bodies)?;
+        let renderer = Renderer::new(self, medium, scene, (facts.bodies, facts.advection.as_ref()))?;
         for (place, picture) in pictures.iter().enumerate() {
             let marching = Instant::now();
             let viewpoint = render::viewpoint(self.args)?;
@@ -669,7 +689,12 @@ impl Job<'_> {
         };
         let noise = self.noise(medium.bounds().extent().max_element(), origin);
         if let Some(noise) = &noise {
-            guesses.push(format!("noise {} octaves, scale {}", noise.octaves, short(noise.scale.into())));
+            let kind = if args.noise_kind == NoiseKindName::Curl { "curl " } else { "" };
+            guesses.push(format!(
+                "{kind}noise {} octaves, scale {}",
+                noise.octaves,
+                short(noise.scale.into())
+            ));
         }
         guesses.push(match (args.method, args.cache) {
             (MethodName::Reference, _) => "path tracer".into(),
@@ -756,12 +781,14 @@ impl Job<'_> {
         };
         let octaves = position.or(args.density_noise)?.octaves;
         Some(NoiseSettings {
+            kind: args.noise_kind.kind(),
             position: position.map_or(0.0, |it| it.amplitude),
             density: args.density_noise.map_or(0.0, |it| it.amplitude),
             octaves,
             scale: args.noise_scale.unwrap_or(extent / NOISE_CELLS),
             // Noise belongs to the coordinates of the file, wherever its particles are.
             anchor: (-origin).as_vec3(),
+            detail: args.noise_detail,
             seed: self.args.picture.seed,
         })
     }

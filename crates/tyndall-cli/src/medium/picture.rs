@@ -3,6 +3,7 @@
 use std::time::Instant;
 
 use tyndall::Image;
+use tyndall::medium::noise::advection::Advection;
 use tyndall::medium::{Medium, Noise};
 use tyndall::render::medium::brute::BruteForce;
 use tyndall::render::medium::cache::{self, Cache, Gathered, Multiple};
@@ -50,10 +51,14 @@ impl<'a> Renderer<'a> {
         job: &'a Job<'a>,
         medium: &'a Medium,
         scene: &'a Scene,
-        bodies: Option<&'a Bodies>,
+        (bodies, advection): (Option<&'a Bodies>, Option<&Advection>),
     ) -> Outcome<Self> {
         let solids = bodies.map(|bodies| Solids::new(&bodies.scene));
         let noise = scene.noise.map(Noise::new).transpose()?;
+        let noise = match advection {
+            Some(advection) => noise.map(|noise| noise.advected(advection.clone())),
+            None => noise,
+        };
         let start = Instant::now();
         let args = &job.args.medium;
         let most_noise = args.most_noise();

@@ -5,6 +5,7 @@ use std::str::FromStr;
 
 use tyndall::medium::Light;
 use tyndall::medium::light::{Cone, Directional, Environment, Point, Spot};
+use tyndall::names::nearest;
 use tyndall::render::medium::gather::Radius;
 use tyndall::{Error, Result, Vec3};
 use tyndall_io::read;
@@ -109,6 +110,37 @@ impl FromStr for Noise {
             }
         }
         Ok(noise)
+    }
+}
+
+/// How noise goes with particles: `auto`, `id`, `id:NAME`, `velocity`, `velocity:NAME` or `none`.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) enum NoiseMotion {
+    Auto,
+    /// By the ids of that name, or of a usual one.
+    Ids(Option<String>),
+    Velocities(Option<String>),
+    None,
+}
+
+impl FromStr for NoiseMotion {
+    type Err = Error;
+
+    fn from_str(text: &str) -> Result<Self> {
+        let (kind, name) = text.split_once(':').map_or((text, None), |(kind, name)| (kind, Some(name)));
+        let name = name.map(str::to_string);
+        match (kind, &name) {
+            ("auto", None) => Ok(Self::Auto),
+            ("none", None) => Ok(Self::None),
+            ("id", name) if name.as_deref() != Some("") => Ok(Self::Ids(name.clone())),
+            ("velocity", name) if name.as_deref() != Some("") => Ok(Self::Velocities(name.clone())),
+            _ => {
+                let meant = nearest(kind, ["auto", "id", "velocity", "none"]);
+                let meant = meant.map_or(String::new(), |meant| format!("; did you mean '{meant}'?"));
+                let allowed = format!("auto, id, id:NAME, velocity, velocity:NAME or none{meant}");
+                Err(Error::setting("--noise-motion", text, allowed))
+            }
+        }
     }
 }
 
@@ -271,6 +303,19 @@ mod tests {
     #[test]
     fn what_makes_no_sense_is_refused() {
         assert!(["", "1,2", "x", "1,2,3,4"].iter().all(|bad| bad.parse::<Rgb>().is_err()));
+        let name = || Some("a".to_string());
+        for (text, wanted) in [
+            ("auto", NoiseMotion::Auto),
+            ("id", NoiseMotion::Ids(None)),
+            ("id:a", NoiseMotion::Ids(name())),
+            ("velocity:a", NoiseMotion::Velocities(name())),
+            ("none", NoiseMotion::None),
+        ] {
+            assert_eq!(text.parse::<NoiseMotion>().unwrap(), wanted);
+        }
+        let error = "velocty".parse::<NoiseMotion>().unwrap_err().to_string();
+        assert!(error.contains("did you mean 'velocity'?"), "{error}");
+        assert!(["id:", "none:a", ""].iter().all(|bad| bad.parse::<NoiseMotion>().is_err()));
         assert!(["", "a@2", "1@", "1@-2"].iter().all(|bad| bad.parse::<Noise>().is_err()));
         assert!(
             ["0%", "100%", "-1%", "nan%", "%", "1%,2%", "1,2", "1%,"]

@@ -189,6 +189,68 @@ fn lights_and_noise_stay_where_they_are_while_particles_move() {
     assert!(mean > 0.0 && difference < 0.05 * mean, "{difference} of {mean}");
 }
 
+/// A ball of particles with ids and velocities at a place, as a frame of a dump.
+fn numbered_ball(x: f64) -> String {
+    let ball = ball(x);
+    let lines: Vec<String> = ball
+        .lines()
+        .skip(2)
+        .enumerate()
+        .map(|(id, line)| format!("{} {} 5 0 0\n", id + 1, line.trim_start_matches("A ")))
+        .collect();
+    let columns = "id x y z vx vy vz";
+    let bounds = "-20 20\n".repeat(3);
+    format!(
+        "ITEM: TIMESTEP\n0\nITEM: NUMBER OF ATOMS\n{}\nITEM: BOX BOUNDS ff ff ff\n{bounds}ITEM: ATOMS {columns}\n{}",
+        lines.len(),
+        lines.concat()
+    )
+}
+
+#[test]
+fn noise_goes_with_the_particles_of_a_sequence() {
+    let folder = Folder::new();
+    // By whole voxels and cells of the motion's lattice, so that densities are the same but for rounding.
+    folder.file("a.0.dump", numbered_ball(0.0));
+    folder.file("a.1.dump", numbered_ball(5.0));
+    let words = "--mode medium --voxel 0.25 --h0 1 --extinction 0.05 --ortho 6 --light sky:1 \
+        --density-noise 0.9@1 --noise-scale 1.25";
+    let at = |x: f64| format!("--eye {x},-20,0 --look-at {x},0,0");
+    let pixels = |name: &str| png(&folder.path(name)).0;
+    let difference = |one: &[u8], other: &[u8]| {
+        let sum: f64 = one.iter().zip(other).map(|(a, b)| (f64::from(*a) - f64::from(*b)).abs()).sum();
+        sum / one.iter().map(|&it| f64::from(it)).sum::<f64>()
+    };
+    folder.render(&format!("a.0.dump {words} {} -o first.png", at(0.0))).fine();
+    let first = pixels("first.png");
+    assert!(brightness(&folder, "first.png") > 1.0);
+    let mut moved = |how: &str, wanted: &str| {
+        // A picture by itself is the one of the sequence.
+        let said = folder.render(&format!("a.#.dump {words} {} --frame 1 {how} -o b.png", at(5.0))).fine();
+        assert!(said.contains(wanted), "{how}: {said}");
+        difference(&first, &pixels("b.png"))
+    };
+    let standing = moved("--noise-motion none", "noise stands in space");
+    let by_ids = moved("", "noise goes with the particles, by id");
+    let by_velocity = "--noise-motion velocity --noise-frame-time 1";
+    let by_velocities = moved(by_velocity, "noise goes with the particles, by velocity");
+    assert!(by_ids < 0.1 * standing && by_velocities < 0.1 * standing, "{by_ids} {by_velocities} {standing}");
+
+    folder.render(&format!("a.#.dump {words} {} -o c.%d.png", at(5.0))).fine();
+    folder.render(&format!("a.#.dump {words} {} --frame 0 -o alone.png", at(5.0))).fine();
+    assert_eq!(pixels("c.0.png"), pixels("alone.png"));
+    for (how, wanted) in [
+        ("--noise-motion velocity", "--noise-frame-time"),
+        ("--noise-motion id:idd", "did you mean 'id'?"),
+        ("--noise-motion velocity:w", "the file has: v"),
+        ("--noise-motion by-id", "did you mean 'id'?"),
+        ("--noise-life 1", "2..=10000"),
+    ] {
+        folder.render(&format!("a.#.dump {words} {how} -o no.%d.png")).fails(2, &[wanted]);
+    }
+    folder.render("a.#.dump --mode medium --noise-motion id -o no.%d.png").fails(2, &["give --noise"]);
+}
+
 const SMOKE: &str = "synthetic:smoke?n=3000 --mode medium --grid 16 --up 0,1,0";
 
 #[test]
@@ -570,7 +632,8 @@ fn a_picture_of_the_sky_is_a_light() {
 #[test]
 fn particles_beyond_the_memory_are_read_in_parts_for_the_same_picture() {
     let folder = Folder::new();
-    let many = "synthetic:cloud2?n=8e4 --mode medium --grid 32 --up 0,1,0 --size 64x48 --samples 1 --cache single";
+    let many =
+        "synthetic:cloud2?n=8e4 --mode medium --grid 32 --up 0,1,0 --size 64x48 --samples 1 --cache single";
     folder.render(&format!("{many} -o whole.png")).fine();
     let said = folder.render(&format!("{many} --memory 4M -o parts.png -v")).fine();
     for part in ["read in parts", "80,000 particles", "readings of the source"] {

@@ -24,7 +24,7 @@ pub use emission::Emission;
 pub use grid::Grid;
 pub use kernel::Kernel;
 pub use light::Light;
-pub use noise::{Noise, NoiseSettings};
+pub use noise::{Noise, NoiseKind, NoiseSettings};
 pub use optics::Phase;
 
 /// A participating medium.

@@ -213,6 +213,12 @@ impl View {
         Some([(u - self.left) / self.pixel, (self.top - v) / self.pixel])
     }
 
+    /// How wide a pixel is at the distance `t` along its ray, a length; away from the middle of a picture in perspective a little less.
+    #[inline(always)]
+    pub(crate) fn footprint(&self, t: f32) -> f32 {
+        if self.perspective { self.pixel * t } else { self.pixel }
+    }
+
     /// The ray through the point (x, y) of the picture, in pixels from its upper left corner.
     #[inline(always)]
     pub fn ray(&self, x: f32, y: f32) -> Ray {

@@ -16,7 +16,20 @@ pub fn displacements(particles: &Particles, name: &str, exposure: f64) -> Result
     if !(exposure >= 0.0 && exposure.is_finite()) {
         return Err(Error::setting("--shutter", exposure, "a time of 0 or more, in the unit of the file"));
     }
-    let velocity = vector_by_id(particles, "--velocity", name)?;
+    moves(particles, "--velocity", name, exposure)
+}
+
+/// The velocity called `name` of each particle, in the unit of the file; where that is not finite, none. Any name of a velocity, such as `v`, means the
+/// one that the file has.
+///
+/// Fails with [`Error::Setting`] of `setting` if there is no such vector.
+pub fn velocities(particles: &Particles, setting: &'static str, name: &str) -> Result<Vec<Vec3>> {
+    moves(particles, setting, name, 1.0)
+}
+
+/// How far each particle moves in a time.
+fn moves(particles: &Particles, setting: &'static str, name: &str, exposure: f64) -> Result<Vec<Vec3>> {
+    let velocity = vector_by_id(particles, setting, name)?;
     let displacement =
         |id| Some((exposure * velocity(id)).as_vec3()).filter(|it| it.is_finite()).unwrap_or_default();
     Ok((0..particles.len()).into_par_iter().with_min_len(1 << 14).map(displacement).collect())

@@ -133,8 +133,12 @@ impl<'a> March<'a> {
         })
     }
 
-    /// The same with the medium dispersed by noise.
+    /// The same with the medium dispersed by noise; nothing changes where pixels are too wide for any of it.
     pub fn with_noise(self, noise: &'a Noise) -> Self {
+        let nearest = self.view.eye.clamp(self.bounds.min, self.bounds.max).distance(self.view.eye);
+        if noise.has_faded(self.view.footprint((nearest - noise.reach()).max(0.0))) {
+            return self;
+        }
         let grid = self.medium.density();
         let bounds = self.medium.bounds().grown(noise.reach());
         let space = Space::reached(grid, noise.reach() / grid.spacing());
@@ -398,7 +402,8 @@ impl<'a> March<'a> {
                         (density, light, ray.origin + t * ray.direction)
                     }
                     Some(noise) => {
-                        let (at, factor) = noise.disperse(ray.origin + t * ray.direction);
+                        let (at, factor) =
+                            noise.disperse(ray.origin + t * ray.direction, self.view.footprint(t));
                         let (density, light) = bricks.at(Vec3A::from((at - grid.origin()) / grid.spacing()));
                         (factor * density, light, at)
                     }
@@ -426,7 +431,8 @@ impl<'a> March<'a> {
         while let Some((distance, _)) = crossing.next(&self.space) {
             let t = crossing.path.enter + distance;
             let at = ray.origin + t * ray.direction;
-            let (at, factor) = self.noise.map_or((at, 1.0), |noise| noise.disperse(at));
+            let (at, factor) =
+                self.noise.map_or((at, 1.0), |noise| noise.disperse(at, self.view.footprint(t)));
             let density = factor * self.medium.density().density(at);
             if density > 0.0 {
                 walk.step(extinction * density, brute.scattered(at, ray.direction, &mut stream), t);

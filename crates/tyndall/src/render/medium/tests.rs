@@ -421,7 +421,7 @@ fn noise_of_amplitude_zero_changes_little_and_noise_keeps_the_mean() {
     let cache = Cache::new(&medium, &lights, &Settings::default(), &()).unwrap();
     let with = |position: f32, density: f32| {
         let settings =
-            NoiseSettings { position, density, octaves: 3, scale: 0.2, anchor: Vec3::ZERO, seed: 1 };
+            NoiseSettings { position, density, octaves: 3, scale: 0.2, seed: 1, ..NoiseSettings::default() };
         let noise = Noise::new(settings).unwrap();
         let light = Illumination::Cached(&cache);
         let mut march = March::new(&medium, light, &lights, view(32), SMALL).unwrap().with_noise(&noise);
@@ -437,6 +437,50 @@ fn noise_of_amplitude_zero_changes_little_and_noise_keeps_the_mean() {
         changed.iter().all(|it| *it != without && (it / without - 1.0).abs() < 0.1),
         "{changed:?} {without}"
     );
+}
+
+/// The picture of `medium` in noise, `size` pixels wide, with one sample in the middle of each.
+fn dispersed(medium: &Medium, cache: &Cache, size: u32, noise: NoiseSettings) -> Vec<Pixel> {
+    let settings = march::Settings { width: size, height: size, samples: 1, seed: 1, step: 1.0 };
+    let noise = Noise::new(noise).unwrap();
+    let march = March::new(medium, Illumination::Cached(cache), &[], view(size), settings).unwrap();
+    let mut march = march.with_noise(&noise);
+    march.pass(&()).unwrap();
+    march.pixels()
+}
+
+#[test]
+fn wide_pixels_show_the_mean_of_narrow_ones_where_octaves_fade() {
+    let medium = cube(0.7, 0.9, 0.0);
+    let cache = Cache::new(&medium, &[sky([1.0; 3])], &Settings::default(), &()).unwrap();
+    const WIDE: usize = 12;
+    const SHARE: usize = 6;
+    let noise = NoiseSettings { density: 1.5, octaves: 4, scale: 0.26, seed: 2, ..NoiseSettings::default() };
+    let all = NoiseSettings { detail: 0.0, ..noise };
+    let fine = dispersed(&medium, &cache, (WIDE * SHARE) as u32, all);
+    let mean_of = |number: usize| {
+        let corner = number / WIDE * SHARE * WIDE * SHARE + number % WIDE * SHARE;
+        let part = (0..SHARE * SHARE).map(|it| fine[corner + it / SHARE * WIDE * SHARE + it % SHARE]);
+        part.map(|it| it.transmittance.x).sum::<f32>() / (SHARE * SHARE) as f32
+    };
+    let error = |noise: NoiseSettings| {
+        let wide = dispersed(&medium, &cache, WIDE as u32, noise);
+        // Away from the borders of the cube.
+        let inner =
+            (0..WIDE * WIDE).filter(|it| [it / WIDE, it % WIDE].iter().all(|at| (2..WIDE - 2).contains(at)));
+        inner.map(|it| (wide[it].transmittance.x - mean_of(it)).powi(2)).sum::<f32>().sqrt()
+    };
+    let [with, without] = [noise, all].map(error);
+    assert!(with < 0.7 * without, "{with} {without}");
+
+    // From so far that nothing is left of it, noise changes nothing and costs nothing.
+    let none = NoiseSettings { density: 0.0, ..noise };
+    let far = NoiseSettings { scale: 0.19, ..noise };
+    let settings =
+        march::Settings { width: WIDE as u32, height: WIDE as u32, samples: 1, seed: 1, step: 1.0 };
+    let plain = march(&medium, &[], Illumination::Cached(&cache), settings);
+    assert!(dispersed(&medium, &cache, WIDE as u32, far) == plain);
+    assert!(dispersed(&medium, &cache, WIDE as u32, noise) != dispersed(&medium, &cache, WIDE as u32, none));
 }
 
 #[test]
