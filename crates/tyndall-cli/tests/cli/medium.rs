@@ -224,7 +224,7 @@ fn noise_goes_with_the_particles_of_a_sequence() {
     folder.render(&format!("a.0.dump {words} {} -o first.png", at(0.0))).fine();
     let first = pixels("first.png");
     assert!(brightness(&folder, "first.png") > 1.0);
-    let mut moved = |how: &str, wanted: &str| {
+    let moved = |how: &str, wanted: &str| {
         // A picture by itself is the one of the sequence.
         let said = folder.render(&format!("a.#.dump {words} {} --frame 1 {how} -o b.png", at(5.0))).fine();
         assert!(said.contains(wanted), "{how}: {said}");

@@ -147,7 +147,7 @@ impl Advection {
     }
 }
 
-fn check(positions: &Positions, spacing: f32, counts: impl Iterator<Item = usize>) -> Result<()> {
+fn check(positions: &Positions, spacing: f32, mut counts: impl Iterator<Item = usize>) -> Result<()> {
     if !(spacing > 0.0 && spacing.is_finite()) {
         return Err(Error::setting("noise-scale", spacing, "a length above 0"));
     }
@@ -155,14 +155,9 @@ fn check(positions: &Positions, spacing: f32, counts: impl Iterator<Item = usize
     if count == 0 {
         return Err(Error::setting("--noise-motion", "no particles", "at least one particle that moves"));
     }
-    for other in counts.filter(|&it| it != count) {
-        return Err(Error::setting(
-            "--noise-motion",
-            other,
-            format!("one motion for each of {count} particles"),
-        ));
-    }
-    Ok(())
+    let motion =
+        |other| Error::setting("--noise-motion", other, format!("one motion for each of {count} particles"));
+    counts.find(|&it| it != count).map_or(Ok(()), |other| Err(motion(other)))
 }
 
 /// By how many cells the noise of that number is shifted: not at all that of number 0.
