@@ -6,6 +6,7 @@ use tyndall::periodic::Placement;
 use tyndall::render::Settings;
 use tyndall::render::estimate::Work;
 use tyndall::scene::automatic;
+use tyndall::scene::wanted::Wanted;
 use tyndall::structure::Kind;
 use tyndall::{Error, Particles, Radii};
 use tyndall_io::saved::{self, Recipe};
@@ -13,7 +14,7 @@ use tyndall_io::write;
 
 use crate::names::Numbers;
 use crate::report::{Failure, Outcome, Report, bytes, counted, seconds};
-use crate::{args, dry_run, input, structure};
+use crate::{args, dry_run, input, structure, wanted};
 
 /// Reads a frame and saves it.
 pub(crate) fn run(args: &args::Build, report: &Report) -> Outcome<()> {
@@ -39,7 +40,9 @@ pub(crate) fn run(args: &args::Build, report: &Report) -> Outcome<()> {
     }
     let known = Work::of_count(input::known_count(&args.input.files)?, kind, NO_PICTURE);
     dry_run::check_memory(&known, known.memory_bytes(), args.memory)?;
-    let sequence = input::open(&args.input, None, report)?;
+    let wanted = wanted::of_fields(args.fields.as_deref(), Vec::new());
+    let wanted = wanted.map(|it| Wanted { radii: args.radius.is_none(), ..it });
+    let sequence = input::open(&args.input, wanted, report)?;
     input::refuse_to_replace(path, sequence.paths())?;
     let numbers = Numbers::of(&args.input, sequence.len());
     let number = numbers.chosen(args.frame, None, false)?[0];

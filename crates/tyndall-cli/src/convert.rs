@@ -13,7 +13,7 @@ use crate::medium::args::Density;
 use crate::names::Numbers;
 use crate::output::Pattern;
 use crate::report::{Failure, Outcome, Report, bytes, counted, seconds};
-use crate::{args, input, progress, selection};
+use crate::{args, input, progress, selection, wanted};
 
 /// Writes the frames that are asked for: into one file if its format holds them, else each into its own.
 pub(crate) fn run(args: &args::Convert, report: &Report) -> Outcome<()> {
@@ -27,7 +27,8 @@ pub(crate) fn run(args: &args::Convert, report: &Report) -> Outcome<()> {
     }
     let pattern = Pattern::new(&args.output);
     let holds_frames = write::particles::holds_frames(&pattern.name(0)).map_err(Failure::Output)?;
-    let sequence = input::open(&args.input, None, report)?;
+    let wanted = wanted::of_fields(args.fields.as_deref(), args.selection.all_filters());
+    let sequence = input::open(&args.input, wanted, report)?;
     let takes_all = pattern.is_numbered() || holds_frames;
     let numbers = Numbers::of(&args.input, sequence.len());
     let chosen = numbers.chosen(args.frame, args.frames.as_ref(), takes_all)?;

@@ -1,11 +1,19 @@
-//! Which attributes are read of particles that are spread over space: what weighs them, how far they reach, and what is asked for beside.
+//! Which attributes are read: those that are written, or of particles that are spread over space what weighs them, how far they reach, and
+//! what is asked for beside.
 
 use tyndall::medium::density::{DENSITY_NAMES, LENGTH_NAMES, MASS_NAMES, Smoothing, Weight};
 use tyndall::scene::coloring::Coloring;
+use tyndall::scene::select::Filter;
 use tyndall::scene::wanted::Wanted;
 
 use crate::args::Selection;
 use crate::medium::args::Density;
+
+/// For the attributes of these names alone, of particles for which `filters` hold; all if none are named.
+pub(crate) fn of_fields(fields: Option<&[String]>, filters: Vec<Filter>) -> Option<Wanted> {
+    let one_of = fields?.iter().map(|name| vec![name.clone()]).collect();
+    Some(Wanted { coloring: Coloring::Constant([0.0; 3]), filters, one_of, ..Wanted::default() })
+}
 
 /// For a density of the selected particles.
 pub(crate) fn of_density(density: &Density, selection: &Selection) -> Wanted {

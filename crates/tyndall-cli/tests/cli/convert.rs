@@ -1,5 +1,7 @@
 //! `convert`: files out of files, and the words when that cannot be.
 
+use tyndall_io::{Options, Sequence, write};
+
 use super::{Folder, line_of};
 
 #[test]
@@ -55,6 +57,38 @@ fn what_cannot_be_converted_says_why_and_writes_nothing() {
     folder.file("c.csv", "x,y,z\n0,0,0\nnan,1,1\n");
     folder.line("convert c.csv -o b.csv --on-bad error").fails(3, &["1 of 2 particles cannot be drawn"]);
     assert_eq!(folder.names(), ["a.xyz", "c.csv"]);
+}
+
+#[test]
+fn only_the_fields_that_are_written_are_read() {
+    let folder = Folder::new();
+    let rows: String = (0..50).map(|k| format!("Cu {k} 0.5 -1 {k}e-1 {} 7 {}\n", k % 3, 50 - k)).collect();
+    let text = format!("50\nProperties=species:S:1:pos:R:3:q:R:1:kind:I:1:radius:R:1:w:R:1\n{rows}");
+    folder.file("a.xyz", &text);
+    // What is no number is found where it is looked at.
+    folder.file("b.xyz", text.replace(" 7 20\n", " 7 half\n"));
+    folder.line("convert b.xyz -o b.csv").fails(3, &["'half'"]);
+    // As a file is written whose attributes are all read.
+    let all = Sequence::open(&[folder.path("a.xyz")], &Options::default(), &()).unwrap();
+    let bytes = |name: &str| std::fs::read(folder.path(name)).unwrap();
+    for name in ["a.csv", "a.npz", "a.prt", "a.dump", "a.xyz", "a.ply", "a.bgeo"] {
+        // Names are in the order that was asked for, and in any case.
+        for fields in ["kind,Q", "species", "radius"] {
+            let names: Vec<String> = fields.split(',').map(String::from).collect();
+            let path = folder.path(&format!("all-{name}"));
+            let frame = |_| all.frame(0, &()).map(|it| it.particles);
+            write::particles::particles(&path, Some(&names), 1, frame).unwrap();
+            folder.line(&format!("convert b.xyz -o some-{name} --fields {fields}")).fine();
+            assert!(bytes(&format!("some-{name}")) == bytes(&format!("all-{name}")), "{name} {fields}");
+        }
+    }
+    let told = folder.line("convert b.xyz -o b.csv --fields species --select kind==1 --filter q=1:3").fine();
+    assert!(told.contains("kept: 7 of 50 particles (q=1:3; kind==1)"), "{told}");
+    folder.line("convert b.xyz -o b.csv --fields w").fails(3, &["'half'"]);
+    folder.line("convert b.xyz -o b.csv --fields q,speed").fails(3, &["'half'"]);
+    folder.line("build b.xyz -o b.tyn --fields q").fine();
+    let info = folder.line("info b.tyn").out;
+    assert!(info.contains("· q f32") && !info.contains("kind"), "{info}");
 }
 
 #[test]
