@@ -8,6 +8,7 @@ use std::path::Path;
 
 use ::e57::{CartesianCoordinate, E57Reader};
 use tyndall::particles::{Attribute, Columns, Positions, Values};
+use tyndall::scene::wanted::{Offered, Wanted};
 use tyndall::{DVec3, Error, Progress, Result};
 
 use super::{content, records};
@@ -27,7 +28,12 @@ pub(crate) fn recognise(head: &[u8]) -> bool {
 }
 
 /// Reads the points of all scans.
-pub(crate) fn read(path: &Path, bytes: &[u8], progress: &dyn Progress) -> Result<Frame> {
+pub(crate) fn read(
+    path: &Path,
+    bytes: &[u8],
+    wanted: Option<&Wanted>,
+    progress: &dyn Progress,
+) -> Result<Frame> {
     progress.begin("read", Some(bytes.len() as u64), "B");
     let fault =
         |error: ::e57::Error| Error::format(path, "", error.to_string(), "was the file copied to its end?");
@@ -38,8 +44,24 @@ pub(crate) fn read(path: &Path, bytes: &[u8], progress: &dyn Progress) -> Result
         let what = format!("{total} points are promised in a file of {} bytes", bytes.len());
         return Err(Error::format(path, "", what, "was the file copied to its end?"));
     }
-    let has_color = scans.iter().any(|it| it.has_color());
-    let has_intensity = scans.iter().any(|it| it.has_intensity());
+    let mut has_color = scans.iter().any(|it| it.has_color());
+    let mut has_intensity = scans.iter().any(|it| it.has_intensity());
+    let mut has_scan = scans.len() > 1;
+    if let Some(wanted) = wanted {
+        let all = [has_color, has_color, has_color, has_intensity, has_scan];
+        let offered = ["red", "green", "blue", "intensity", "scan"].into_iter().zip(all);
+        let offered = offered.filter(|it| it.1).map(|(name, _)| Offered {
+            name,
+            components: 1,
+            is_measured: name == "intensity",
+        });
+        let offered: Vec<Offered> = offered.collect();
+        let flags = wanted.flags(&offered);
+        let is_wanted =
+            |names: &[&str]| offered.iter().zip(&flags).any(|(it, flag)| *flag && names.contains(&it.name));
+        has_color = is_wanted(&["red", "green", "blue"]);
+        (has_intensity, has_scan) = (is_wanted(&["intensity"]), is_wanted(&["scan"]));
+    }
     let posed = scans.iter().any(|it| it.transform.is_some());
 
     let mut positions = Positions::new();
@@ -78,7 +100,9 @@ pub(crate) fn read(path: &Path, bytes: &[u8], progress: &dyn Progress) -> Result
             if has_intensity {
                 intensities.push(point.intensity.unwrap_or(f32::NAN));
             }
-            scan_numbers.push(number as i32);
+            if has_scan {
+                scan_numbers.push(number as i32);
+            }
             if chunk.len() == BATCH {
                 if progress.cancelled() {
                     return Err(Error::Interrupted);
@@ -103,7 +127,7 @@ pub(crate) fn read(path: &Path, bytes: &[u8], progress: &dyn Progress) -> Result
         let names = ["red", "green", "blue"].into_iter().zip(colors);
         attributes.extend(names.map(|(name, values)| Attribute::new(name, 1, Values::U8(values))));
     }
-    if scans.len() > 1 {
+    if has_scan {
         attributes.push(Attribute::new("scan", 1, Values::I32(scan_numbers)));
     }
     let mut conventions = Vec::new();
@@ -184,7 +208,7 @@ mod tests {
     }
 
     fn read(bytes: &[u8]) -> Result<Frame> {
-        super::read(Path::new("no such file"), bytes, &())
+        super::read(Path::new("no such file"), bytes, None, &())
     }
 
     #[test]

@@ -6,6 +6,7 @@
 
 use std::path::Path;
 
+use tyndall::scene::wanted::Wanted;
 use tyndall::{Columns, Error, Progress, Result};
 
 use super::bgeo::{WEIGHTS_ARE_KEPT, left_out, spell_out};
@@ -25,7 +26,12 @@ pub(crate) fn recognise(head: &[u8]) -> bool {
 }
 
 /// Reads the points.
-pub(crate) fn read(path: &Path, bytes: &[u8], progress: &dyn Progress) -> Result<Frame> {
+pub(crate) fn read(
+    path: &Path,
+    bytes: &[u8],
+    wanted: Option<&Wanted>,
+    progress: &dyn Progress,
+) -> Result<Frame> {
     let mut words = Words { path, bytes, place: 0 };
     let magic = [words.next()?, words.next()?];
     if magic != ["PGEOMETRY", "V5"] {
@@ -46,8 +52,8 @@ pub(crate) fn read(path: &Path, bytes: &[u8], progress: &dyn Progress) -> Result
         return Err(words.fault(format!("{values} values a point")));
     }
     let mut roles: Vec<Role> = (0..3).map(Role::Axis).collect();
-    let mut headings = vec![Heading::scalar("Pw", Kind::Float)];
-    roles.push(Role::Attribute(0));
+    roles.push(Role::Skipped);
+    let mut headings = Vec::new();
     for definition in &definitions {
         roles.extend((0..definition.components).map(|_| Role::Attribute(headings.len())));
         let Definition { name, components, kind, .. } = definition;
@@ -63,15 +69,21 @@ pub(crate) fn read(path: &Path, bytes: &[u8], progress: &dyn Progress) -> Result
     let mut feed = Feed::over(path, &text);
     let lines = memchr::memchr_iter(b'\n', &text[..start]).count() as u64;
     feed.skip_lines(lines)?;
-    let layout =
+    let mut layout =
         Layout { separator: Separator::BLANKS, roles, headings, scaled: None, gaps: false, origin: None };
+    layout.keep(wanted);
+    // The fourth coordinate is always looked at.
+    layout.roles[3] = Role::Attribute(layout.headings.len());
+    layout.headings.push(Heading::scalar("Pw", Kind::Float));
     let rows =
         rows::read(&mut feed, &layout, Some(counts.points), Some((bytes.len() - start) as u64), progress)?;
 
     let mut attributes = rows.attributes;
-    let weights = attributes.remove(0);
-    for (attribute, definition) in attributes.iter_mut().zip(definitions) {
-        if let Some(names) = definition.names {
+    let weights = attributes.pop().expect("its heading is the last one");
+    let mut definitions = definitions.into_iter();
+    for attribute in &mut attributes {
+        let is_its = |it: &Definition| it.name == attribute.name && it.components == attribute.components;
+        if let Some(names) = definitions.find(is_its).and_then(|it| it.names) {
             spell_out(attribute, names);
         }
     }
@@ -227,7 +239,7 @@ mod tests {
         beginExtra\nendExtra\n";
 
     fn read_text(text: &str) -> Result<Frame> {
-        read(Path::new("test"), text.as_bytes(), &())
+        read(Path::new("test"), text.as_bytes(), None, &())
     }
 
     #[test]
@@ -270,11 +282,13 @@ mod tests {
             let message = read_text(&TEXT.replacen(from, to, 1)).unwrap_err().to_string();
             assert!(message.contains(what), "{to}: {message}");
         }
-        real_data::damage(TEXT.as_bytes(), |file| drop(read(Path::new("test"), file, &())));
+        real_data::damage(TEXT.as_bytes(), |file| drop(read(Path::new("test"), file, None, &())));
     }
 
     #[test]
     fn a_real_file_is_read_as_partio_reads_it() {
-        real_data::compare("houdini/partio_test.geo", recognise, read);
+        real_data::compare("houdini/partio_test.geo", recognise, |path, bytes, progress| {
+            read(path, bytes, None, progress)
+        });
     }
 }

@@ -6,6 +6,7 @@
 
 mod packed;
 
+use std::borrow::Cow;
 use std::path::Path;
 
 use glam::DVec3;
@@ -13,14 +14,14 @@ use rayon::prelude::*;
 use tyndall::scene::wanted::{Offered, Wanted};
 use tyndall::{Error, Progress, Result};
 
-use self::packed::{Packed, Packing};
+use self::packed::{Chunk, Packing};
 use super::cursor::Cursor;
 use super::numbers::{Kind, Order};
 use super::records::{self, Builder, ORIGIN_COUNT, Source, truncated};
 use crate::sequence::Frame;
 
 const HINT: &str = "was the file copied to its end? lasinfo may say more";
-/// Points that are unpacked at a time.
+/// Points that a thread unpacks at a time.
 const BATCH: usize = 1 << 16;
 /// More points than this are not in a byte of a packed file.
 const MOST_PACKED: u64 = 256;
@@ -228,52 +229,73 @@ pub(crate) fn read(
     let (count, record) = (header.count as usize, header.record);
     let quantities = wanted_of(quantities(header.format), wanted);
 
-    let mut packed = match &header.packing {
-        // Without points there is nothing, not even where their chunks are.
-        Some(packing) if count > 0 => {
-            let names: Vec<&str> = quantities.iter().map(|(name, _)| *name).collect();
-            Some(Packed::new((path, bytes), header.start, packing, header.count, &names)?)
-        }
-        _ => None,
-    };
-    let rows: Vec<usize> = (0..count).step_by(BATCH).map(|start| BATCH.min(count - start)).collect();
-    let mut unpacked = vec![0; if packed.is_some() { rows[0] * record } else { 0 }];
-    let mut unpack = |into: &mut [u8]| packed.as_mut().map_or(Ok(()), |it| it.unpack(into));
+    // Without points there is nothing, not even where their chunks are.
+    let packing = header.packing.as_ref().filter(|_| count > 0);
+    let chunks = packing.map(|it| it.chunks(path, bytes, header.start, header.count)).transpose()?;
+    let names: Vec<&str> = quantities.iter().map(|(name, _)| *name).collect();
+    let open = |packing: &Packing, chunk: &Chunk| packing.open((path, bytes), header.start, chunk, &names);
 
-    // The first batch is unpacked before the others: it decides the origin.
-    unpack(&mut unpacked)?;
-    let first = if unpacked.is_empty() { &bytes[header.start..] } else { &unpacked[..] };
-    let head = &first[..ORIGIN_COUNT.min(count) * record];
-    let head = [0, 1, 2].map(|axis| coordinates(head, &header, axis));
+    // The first points decide the origin.
+    let first = ORIGIN_COUNT.min(count) * record;
+    let head = match packing.zip(chunks.as_deref().and_then(<[_]>::first)) {
+        Some((packing, chunk)) => {
+            let mut head = vec![0; first.min(chunk.points * record)];
+            open(packing, chunk)?.unpack(&mut head)?;
+            Cow::Owned(head)
+        }
+        None => Cow::Borrowed(&bytes[header.start..][..first]),
+    };
+    let head = [0, 1, 2].map(|axis| coordinates(&head, &header, axis));
     let head: Vec<DVec3> =
         (0..head[0].len()).map(|id| DVec3::new(head[0][id], head[1][id], head[2][id])).collect();
     let columns = quantities.iter().map(|(name, place)| (name.to_string(), 1, place.kind()));
     let mut builder = Builder::new(count, &head, columns);
-    let fill_batch = |start: usize, mut slots: Vec<records::Slot>, records: &[u8]| {
+    let fill_batch = |start: usize, slots: &mut [records::Slot], records: &[u8]| {
         if progress.cancelled() {
             return Err(Error::Interrupted);
         }
         let axes = [0, 1, 2].map(|axis| coordinates(records, &header, axis));
-        fill(&mut slots, &axes, records, record, &quantities);
+        fill(slots, &axes, records, record, &quantities);
         let share = |rows: usize| rows as u128 * bytes.len() as u128 / count as u128;
         progress.advance((share(start + records.len() / record) - share(start)) as u64);
         Ok(())
     };
-    let batches = builder.split(&rows).into_iter().zip(&rows).enumerate();
-    if unpacked.is_empty() {
-        let batches: Vec<_> = batches.collect();
-        batches.into_par_iter().try_for_each(|(batch, (slots, &rows))| {
-            let start = batch * BATCH;
-            fill_batch(start, slots, &bytes[header.start + start * record..][..rows * record])
-        })?;
-    } else {
-        for (batch, (slots, &rows)) in batches {
-            if batch > 0 {
-                unpack(&mut unpacked[..rows * record])?;
-            }
-            fill_batch(batch * BATCH, slots, &unpacked[..rows * record])?;
-        }
+    // Chunks are unpacked side by side, each in batches.
+    let batches = |start: usize, end: usize| {
+        (start..end).step_by(BATCH).map(move |start| (start, BATCH.min(end - start)))
+    };
+    let (mut rows, mut jobs, mut place) = (Vec::new(), Vec::new(), 0);
+    for chunk in chunks.iter().flatten() {
+        rows.extend(batches(place, place + chunk.points));
+        jobs.push((Some(chunk), chunk.points.div_ceil(BATCH)));
+        place += chunk.points;
     }
+    if chunks.is_none() {
+        rows.extend(batches(0, count));
+        jobs.extend(rows.iter().map(|_| (None, 1)));
+    }
+    let counts: Vec<usize> = rows.iter().map(|it| it.1).collect();
+    let mut slots = builder.split(&counts).into_iter().zip(rows);
+    let jobs: Vec<_> = jobs
+        .into_iter()
+        .map(|(chunk, count)| (chunk, slots.by_ref().take(count).collect::<Vec<_>>()))
+        .collect();
+    jobs.into_par_iter().try_for_each(|(chunk, batches)| {
+        let mut packed = packing.zip(chunk).map(|(packing, chunk)| open(packing, chunk)).transpose()?;
+        let mut unpacked = Vec::new();
+        for (mut slots, (start, rows)) in batches {
+            let records = match &mut packed {
+                Some(packed) => {
+                    unpacked.resize(rows * record, 0);
+                    packed.unpack(&mut unpacked)?;
+                    &unpacked[..]
+                }
+                None => &bytes[header.start + start * record..][..rows * record],
+            };
+            fill_batch(start, &mut slots, records)?;
+        }
+        Ok(())
+    })?;
     let columns = builder.into_columns();
 
     let mut conventions = vec!["coordinates: integers times the header's scale, plus its offset".to_string()];
@@ -346,7 +368,7 @@ fn fill(
 
 #[cfg(test)]
 mod tests {
-    use laz::{LasZipCompressor, LazItemRecordBuilder, LazVlrBuilder};
+    use laz::{LasZipCompressor, LazItemRecordBuilder, LazVlr, LazVlrBuilder};
 
     use super::*;
     use crate::read::real_data;
@@ -381,14 +403,29 @@ mod tests {
     }
 
     fn points(count: usize, format: usize, packed: bool) -> Vec<u8> {
+        if packed { packed_points(count, format, Some(50_000)) } else { file_of(count, format, None) }
+    }
+
+    /// Points in chunks of that size, or of several sizes.
+    fn packed_points(count: usize, format: usize, chunk: Option<u32>) -> Vec<u8> {
+        let items = LazItemRecordBuilder::default_for_point_format_id(format as u8, 0).unwrap();
+        let builder = LazVlrBuilder::new(items);
+        let vlr = match chunk {
+            Some(size) => builder.with_fixed_chunk_size(size),
+            None => builder.with_variable_chunk_size(),
+        };
+        file_of(count, format, Some(vlr.build()))
+    }
+
+    fn file_of(count: usize, format: usize, packing: Option<LazVlr>) -> Vec<u8> {
+        let packed = packing.is_some();
         let mut file = b"LASF".to_vec();
         file.resize(24, 0);
         file.extend([1, 4]);
         file.resize(94, 0);
         let mut vlr = Vec::new();
-        let items = || LazItemRecordBuilder::default_for_point_format_id(format as u8, 0).unwrap();
-        if packed {
-            LazVlrBuilder::new(items()).build().write_to(&mut vlr).unwrap();
+        if let Some(packing) = &packing {
+            packing.write_to(&mut vlr).unwrap();
         }
         let variable = if packed { 54 + vlr.len() } else { 0 };
         file.extend(375u16.to_le_bytes());
@@ -404,10 +441,10 @@ mod tests {
         file.extend((count as u64).to_le_bytes());
         file.resize(375, 0);
         let records: Vec<u8> = (0..count).flat_map(|id| record(id, format)).collect();
-        if !packed {
+        let Some(packing) = packing else {
             file.extend(records);
             return file;
-        }
+        };
         file.extend([0; 2]);
         file.extend(b"laszip encoded\0\0");
         file.extend(22204u16.to_le_bytes());
@@ -417,8 +454,14 @@ mod tests {
         let end = file.len() as u64;
         let mut out = std::io::Cursor::new(file);
         out.set_position(end);
-        let mut compressor = LasZipCompressor::from_laz_items(&mut out, items()).unwrap();
-        compressor.compress_many(&records).unwrap();
+        let is_variable = packing.uses_variable_size_chunks();
+        let mut compressor = LasZipCompressor::new(&mut out, packing).unwrap();
+        for (id, record) in records.chunks_exact(RECORD_BYTES[format]).enumerate() {
+            if is_variable && [700, 701, 40_000].contains(&id) {
+                compressor.finish_current_chunk().unwrap();
+            }
+            compressor.compress_one(record).unwrap();
+        }
         compressor.done().unwrap();
         drop(compressor);
         out.into_inner()
@@ -485,11 +528,27 @@ mod tests {
     }
 
     #[test]
-    fn more_points_than_a_batch_keep_their_order() {
+    fn points_of_many_chunks_keep_their_order() {
         let count = BATCH + 3;
-        let particles = read(&points(count, 3, true)).unwrap().particles;
-        let time = particles.attribute("gps_time").unwrap();
-        assert!((0..count).all(|id| time.number(id, 0) == 0.5 + id as f64));
+        let check = |bytes: &[u8], what: &str| {
+            let particles = read(bytes).unwrap_or_else(|error| panic!("{what}: {error}")).particles;
+            let time = particles.attribute("gps_time").unwrap();
+            assert!((0..count).all(|id| time.number(id, 0) == 0.5 + id as f64), "{what}");
+            assert_eq!(particles.len(), count, "{what}");
+        };
+        for format in [3, 7] {
+            for chunk in [Some(50_000), Some(BATCH as u32 + 1), Some(1_000), Some(u32::MAX - 1), None] {
+                let mut bytes = packed_points(count, format, chunk);
+                check(&bytes, &format!("format {format}, chunks of {chunk:?}"));
+                if format == 7 && chunk.is_some_and(|it| (it as usize) < count) {
+                    // Layers tell where chunks end, also without the table.
+                    let start = u32::from_le_bytes(bytes[96..100].try_into().unwrap()) as usize;
+                    bytes[start..start + 8].fill(0xff);
+                    bytes.extend([0xff; 8]);
+                    check(&bytes, &format!("format {format}, chunks of {chunk:?} without a table"));
+                }
+            }
+        }
     }
 
     #[test]

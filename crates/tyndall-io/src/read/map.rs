@@ -12,12 +12,18 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use memmap2::Mmap;
 use tyndall::{Error, Progress, Result};
 
+use super::unpack::MARK;
+
 /// So many bytes are read between two times that pages are given back.
 const RELEASE_BYTES: u64 = 8 << 20;
 
 /// A file that is mapped.
 #[derive(Debug)]
-pub(crate) struct Map(Mmap);
+pub(crate) struct Map {
+    file: Mmap,
+    /// Where its content begins: behind the mark of UTF-8, if there is one.
+    start: usize,
+}
 
 /// Opens a regular file. Anything else is refused before it is opened: a pipe would let us wait for who writes to it.
 pub(crate) fn open(path: &Path) -> Result<File> {
@@ -35,7 +41,8 @@ pub(crate) fn map(path: &Path) -> Result<Map> {
     // Advice only: without it reading works as well.
     #[cfg(unix)]
     let _ = map.advise(memmap2::Advice::Sequential);
-    Ok(Map(map))
+    let start = if map.starts_with(MARK) { MARK.len() } else { 0 };
+    Ok(Map { file: map, start })
 }
 
 /// Maps the whole of `path`, of which only some will be read.
@@ -51,7 +58,7 @@ impl Deref for Map {
     type Target = [u8];
 
     fn deref(&self) -> &[u8] {
-        &self.0
+        &self.file[self.start..]
     }
 }
 
@@ -65,7 +72,7 @@ impl Map {
     fn release(&self) {
         // SAFETY: nobody writes to the map, so that what is dropped is what the file has, and comes back from there.
         #[cfg(unix)]
-        let _ = unsafe { self.0.unchecked_advise(memmap2::UncheckedAdvice::DontNeed) };
+        let _ = unsafe { self.file.unchecked_advise(memmap2::UncheckedAdvice::DontNeed) };
     }
 }
 

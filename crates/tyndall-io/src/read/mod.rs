@@ -62,6 +62,7 @@ mod tipsy;
 mod trr;
 mod unpack;
 mod unreadable;
+mod usda;
 mod vtk;
 mod xtc;
 mod xyz;
@@ -264,7 +265,7 @@ pub(crate) const FORMATS: &[Format] = &[
         title: "Tyndall",
         recognise: |head, _| saved::recognise(head),
         features: &[Feature::Structure],
-        open: Open::Whole(|path, bytes, _, progress| saved::read(path, bytes, progress)),
+        open: Open::Whole(saved::read),
     },
     Format {
         names: &["lammps", "dump", "lammpstrj"],
@@ -406,7 +407,7 @@ pub(crate) const FORMATS: &[Format] = &[
         title: "Houdini GEO",
         recognise: |head, _| geo::recognise(head),
         features: &[],
-        open: Open::Whole(|path, bytes, _, progress| geo::read(path, bytes, progress)),
+        open: Open::Whole(geo::read),
     },
     Format {
         names: &["prt"],
@@ -420,7 +421,7 @@ pub(crate) const FORMATS: &[Format] = &[
         title: "PTC",
         recognise: |head, _| ptc::recognise(head),
         features: &[],
-        open: Open::Whole(|path, bytes, _, progress| ptc::read(path, bytes, progress)),
+        open: Open::Whole(ptc::read),
     },
     Format {
         names: &["pda"],
@@ -428,6 +429,13 @@ pub(crate) const FORMATS: &[Format] = &[
         recognise: |head, _| pda::recognise(head),
         features: &[],
         open: Open::Text { index: pda::index, frame: pda::frame },
+    },
+    Format {
+        names: &["usda", "usd"],
+        title: "USD (text)",
+        recognise: |head, _| usda::recognise(head),
+        features: &[],
+        open: Open::Binary { index: usda::index, frame: usda::frame },
     },
     Format {
         names: &["mmpld"],
@@ -477,14 +485,14 @@ pub(crate) const FORMATS: &[Format] = &[
         title: "E57",
         recognise: |head, _| e57::recognise(head),
         features: &[],
-        open: Open::Whole(|path, bytes, _, progress| e57::read(path, bytes, progress)),
+        open: Open::Whole(e57::read),
     },
     Format {
         names: &["pcd"],
         title: "PCD",
         recognise: |head, _| pcd::recognise(head),
         features: &[],
-        open: Open::Whole(|path, bytes, _, progress| pcd::read(path, bytes, progress)),
+        open: Open::Whole(pcd::read),
     },
     Format {
         names: &["pts"],

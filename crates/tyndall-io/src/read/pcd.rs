@@ -8,6 +8,7 @@ use std::path::Path;
 
 use rayon::prelude::*;
 use tyndall::particles::{Attribute, Columns, Values};
+use tyndall::scene::wanted::{Offered, Wanted};
 use tyndall::{Error, Progress, Result};
 
 use super::column::{self, Separator};
@@ -19,6 +20,8 @@ use super::{lzf, open_end, whole_lines};
 use crate::sequence::Frame;
 
 const HINT: &str = "write it again with PCL, or save it as PLY";
+/// What a packed color becomes.
+const CHANNELS: [&str; 3] = ["red", "green", "blue"];
 
 /// Whether the file begins like a PCD.
 pub(crate) fn recognise(head: &[u8]) -> bool {
@@ -36,6 +39,8 @@ struct Entry {
     count: usize,
     /// Bytes of a point before it.
     offset: usize,
+    /// Whether it becomes a column: not padding, which is called `_`, nor what is not wanted.
+    kept: bool,
 }
 
 impl Entry {
@@ -132,7 +137,8 @@ impl Header {
             if count > 1 << 16 {
                 return Err(fault(format!("field '{name}' has {count} numbers a point")));
             }
-            let entry = Entry { name, kind, count, offset };
+            let kept = name != "_" && count > 0;
+            let entry = Entry { name, kind, count, offset, kept };
             offset += entry.bytes();
             fields.push(entry);
         }
@@ -161,18 +167,57 @@ impl Header {
         }
     }
 
-    /// The fields that become attributes: not the coordinates, nor padding, which is called `_`.
+    /// The fields that become attributes: not the coordinates.
     fn others(&self, axes: [usize; 3]) -> impl Iterator<Item = (usize, &Entry)> {
-        let is_other =
-            move |it: &(usize, &Entry)| !axes.contains(&it.0) && it.1.name != "_" && it.1.count > 0;
+        let is_other = move |it: &(usize, &Entry)| !axes.contains(&it.0) && it.1.kept;
         self.fields.iter().enumerate().filter(is_other)
+    }
+
+    /// The packed color, if it becomes red, green and blue: where there are no fields that are called so.
+    fn packed_color(&self) -> Option<&Entry> {
+        let has = |name: &str| self.fields.iter().any(|it| it.name == name && it.count > 0);
+        self.fields.iter().find(|it| is_packed_color(it)).filter(|_| !CHANNELS.into_iter().any(has))
+    }
+
+    /// Passes over the fields that are not wanted. A packed color is wanted where its channels are.
+    fn keep(&mut self, axes: [usize; 3], wanted: Option<&Wanted>) {
+        let Some(wanted) = wanted else { return };
+        let of = |(_, entry): (usize, &'_ Entry)| (entry.name.clone(), entry.count, entry.kind.is_float());
+        let mut names: Vec<_> = self.others(axes).map(of).collect();
+        let places: Vec<usize> = self.others(axes).map(|it| it.0).collect();
+        let color = self.packed_color().map(|it| it.name.clone());
+        if let Some(color) = &color {
+            let channels = CHANNELS.into_iter().chain((color == "rgba").then_some("alpha"));
+            names.extend(channels.map(|it| (it.to_string(), 1, false)));
+        }
+        let offered: Vec<Offered> = names
+            .iter()
+            .map(|(name, components, is_measured)| Offered {
+                name,
+                components: *components,
+                is_measured: *is_measured,
+            })
+            .collect();
+        let flags = wanted.flags(&offered);
+        let (own, channels) = flags.split_at(places.len());
+        let is_seen = channels.contains(&true);
+        for (place, flag) in places.into_iter().zip(own) {
+            let entry = &mut self.fields[place];
+            entry.kept = *flag || is_seen && color.as_ref() == Some(&entry.name);
+        }
     }
 }
 
 /// Reads the points.
-pub(crate) fn read(path: &Path, bytes: &[u8], progress: &dyn Progress) -> Result<Frame> {
-    let header = Header::read(path, bytes)?;
+pub(crate) fn read(
+    path: &Path,
+    bytes: &[u8],
+    wanted: Option<&Wanted>,
+    progress: &dyn Progress,
+) -> Result<Frame> {
+    let mut header = Header::read(path, bytes)?;
     let axes = header.axes(path)?;
+    header.keep(axes, wanted);
     let mut columns = match header.form {
         Form::Text => text(path, bytes, &header, axes, progress)?,
         Form::Records | Form::Packed => binary(path, bytes, &header, axes, progress)?,
@@ -199,6 +244,10 @@ fn text(
             roles.push(Role::Axis(axis));
             continue;
         }
+        if !entry.kept {
+            roles.extend(std::iter::repeat_n(Role::Skipped, entry.count));
+            continue;
+        }
         let kind = match entry.kind {
             Kind::F32 | Kind::F64 => column::Kind::Float,
             _ => column::Kind::Integer,
@@ -218,9 +267,7 @@ fn text(
     };
     let size = (bytes.len() - header.start) as u64;
     let rows = rows::read(&mut feed, &layout, Some(header.points as u64), Some(size), progress)?;
-    let mut attributes = rows.attributes;
-    attributes.retain(|it| it.name != "_");
-    Ok(Columns { positions: rows.positions, attributes, ..Columns::default() })
+    Ok(Columns { positions: rows.positions, attributes: rows.attributes, ..Columns::default() })
 }
 
 fn binary(
@@ -292,12 +339,8 @@ fn color_kind(entry: &Entry) -> Kind {
 
 /// Puts red, green and blue beside a packed color, and alpha beside `rgba`.
 fn split_color(attributes: &mut Vec<Attribute>, header: &Header, conventions: &mut Vec<String>) {
-    let Some(entry) = header.fields.iter().find(|it| is_packed_color(it)) else { return };
+    let Some(entry) = header.packed_color() else { return };
     let Some(place) = attributes.iter().position(|it| it.name == entry.name) else { return };
-    let has = |name: &str| attributes.iter().any(|it| it.name == name);
-    if ["red", "green", "blue"].into_iter().any(has) {
-        return;
-    }
     let as_float = header.form == Form::Text && entry.kind == Kind::F32;
     let values = &attributes[place].values;
     let number = |id: usize| match as_float {
@@ -306,7 +349,7 @@ fn split_color(attributes: &mut Vec<Attribute>, header: &Header, conventions: &m
     };
     let numbers: Vec<u32> = (0..values.len()).into_par_iter().map(number).collect();
     let channel = |shift: u32| Values::U8(numbers.iter().map(|it| (it >> shift) as u8).collect());
-    let mut channels = vec![("red", 16), ("green", 8), ("blue", 0)];
+    let mut channels: Vec<(&str, u32)> = CHANNELS.into_iter().zip([16, 8, 0]).collect();
     if entry.name == "rgba" {
         channels.push(("alpha", 24));
     }
@@ -372,7 +415,7 @@ mod tests {
     }
 
     fn read(bytes: &[u8]) -> Result<Frame> {
-        super::read(Path::new("test"), bytes, &())
+        super::read(Path::new("test"), bytes, None, &())
     }
 
     #[test]

@@ -9,6 +9,7 @@ use std::path::Path;
 
 use rayon::prelude::*;
 use tyndall::particles::{Attribute, Values};
+use tyndall::scene::wanted::Wanted;
 use tyndall::{Progress, Result};
 
 use super::cursor::Cursor;
@@ -16,6 +17,8 @@ use super::numbers::{Kind, Order};
 use super::records::{self, Field, Layout, Source};
 use crate::sequence::Frame;
 
+/// Bytes of a point before the angles of its normal.
+const ANGLES: usize = 12;
 const HINT: &str = "the file is cut off or damaged: copy it again or write it again";
 
 /// Whether the file begins like one.
@@ -24,7 +27,12 @@ pub(crate) fn recognise(head: &[u8]) -> bool {
 }
 
 /// Reads the points.
-pub(crate) fn read(path: &Path, bytes: &[u8], progress: &dyn Progress) -> Result<Frame> {
+pub(crate) fn read(
+    path: &Path,
+    bytes: &[u8],
+    wanted: Option<&Wanted>,
+    progress: &dyn Progress,
+) -> Result<Frame> {
     progress.begin("read", Some(bytes.len() as u64), "B");
     let mut cursor = Cursor::new(path, bytes, 0, Order::Little, HINT);
     cursor.take(4, "the magic word")?;
@@ -66,21 +74,30 @@ pub(crate) fn read(path: &Path, bytes: &[u8], progress: &dyn Progress) -> Result
         stride,
         step: kind.size(),
     };
-    let mut fields = vec![Field { name: "radius".into(), components: 1, source: source(Kind::F32, 16) }];
+    // The normal is no field of its own, but what two numbers mean.
+    let mut fields = vec![
+        Field { name: "normal".into(), components: 3, source: source(Kind::F32, ANGLES) },
+        Field { name: "radius".into(), components: 1, source: source(Kind::F32, 16) },
+    ];
     let mut start = 20;
     for (name, components) in definitions {
         fields.push(Field { name, components, source: source(Kind::F32, start) });
         start += 4 * components;
     }
+    let mut fields = records::wanted_fields(fields, wanted);
+    let has_normal = fields.first().is_some_and(|it| it.source.start == ANGLES);
+    fields.retain(|it| it.source.start != ANGLES);
     let axes = [0, 1, 2].map(|axis| Some(source(Kind::F32, 4 * axis)));
     let mut columns = Layout { count, axes, fields }.gather(path, bytes.len(), progress)?.into_columns();
-    let angles = source(Kind::U16, 12);
-    let mut normals = vec![0.0; 3 * count];
-    let rows = normals.par_chunks_exact_mut(3).enumerate().with_min_len(1 << 12);
-    rows.for_each(|(id, out)| {
-        out.copy_from_slice(&normal([0, 1].map(|part| angles.component(part).number(id) as u16)));
-    });
-    columns.attributes.insert(0, Attribute::new("normal", 3, Values::F32(normals)));
+    if has_normal {
+        let angles = source(Kind::U16, ANGLES);
+        let mut normals = vec![0.0; 3 * count];
+        let rows = normals.par_chunks_exact_mut(3).enumerate().with_min_len(1 << 12);
+        rows.for_each(|(id, out)| {
+            out.copy_from_slice(&normal([0, 1].map(|part| angles.component(part).number(id) as u16)));
+        });
+        columns.attributes.insert(0, Attribute::new("normal", 3, Values::F32(normals)));
+    }
     records::frame(columns, vec![], vec![])
 }
 
@@ -141,7 +158,7 @@ mod tests {
     #[test]
     fn points_of_all_versions_have_radius_normal_and_variables() {
         for version in 0..3 {
-            let particles = read(Path::new("test"), &file(version, 3.0), &()).unwrap().particles;
+            let particles = read(Path::new("test"), &file(version, 3.0), None, &()).unwrap().particles;
             assert_eq!(particles.positions().world(2).to_array(), [2.0, 1.0, 2.0]);
             let number =
                 |name: &str, id: usize, part: usize| particles.attribute(name).unwrap().number(id, part);
@@ -158,17 +175,19 @@ mod tests {
     fn a_file_cut_anywhere_is_refused_and_damage_never_panics() {
         let bytes = file(1, 3.0);
         for length in 0..bytes.len() {
-            assert!(read(Path::new("test"), &bytes[..length], &()).is_err(), "{length}");
+            assert!(read(Path::new("test"), &bytes[..length], None, &()).is_err(), "{length}");
         }
         for count in [f64::NAN, -1.0, 0.5, 1e14, 1e300] {
-            assert!(read(Path::new("test"), &file(0, count), &()).is_err(), "{count}");
+            assert!(read(Path::new("test"), &file(0, count), None, &()).is_err(), "{count}");
         }
-        assert_eq!(read(Path::new("test"), &file(0, 0.0), &()).unwrap().particles.len(), 0);
-        real_data::damage(&bytes, |file| drop(read(Path::new("test"), file, &())));
+        assert_eq!(read(Path::new("test"), &file(0, 0.0), None, &()).unwrap().particles.len(), 0);
+        real_data::damage(&bytes, |file| drop(read(Path::new("test"), file, None, &())));
     }
 
     #[test]
     fn a_real_file_is_read_as_partio_reads_it() {
-        real_data::compare("partio/fluid50.ptc", recognise, read);
+        real_data::compare("partio/fluid50.ptc", recognise, |path, bytes, progress| {
+            read(path, bytes, None, progress)
+        });
     }
 }

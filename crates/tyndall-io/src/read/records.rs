@@ -446,7 +446,11 @@ impl Slot<'_> {
     /// Fills the slot's rows `rows` from a source in which the slot's first row is particle `start`. A number of another type
     /// than the slot's becomes the nearest one that the slot can hold.
     pub(super) fn fill(&mut self, source: &Source, start: usize, components: usize, rows: Range<usize>) {
-        let first = start + rows.start;
+        self.fill_from(source, start + rows.start, components, rows);
+    }
+
+    /// The same from a source in which the first of the rows is particle `first`.
+    pub(super) fn fill_from(&mut self, source: &Source, first: usize, components: usize, rows: Range<usize>) {
         let range = rows.start * components..rows.end * components;
         match (self, source.kind) {
             (Self::Offset { origin, out }, _) => {

@@ -114,7 +114,6 @@ fn shape(head: &[u8]) -> Option<Shape> {
     if !is_text(head) {
         return None;
     }
-    let head = head.strip_prefix(b"\xef\xbb\xbf").unwrap_or(head);
     let lines: Vec<&[u8]> =
         whole_lines(head).map(<[u8]>::trim_ascii).filter(|line| !line.is_empty()).take(100).collect();
     let (comments, mut body): (Vec<&[u8]>, Vec<&[u8]>) = lines.iter().partition(|line| line[0] == b'#');
@@ -230,10 +229,6 @@ pub(crate) fn index(_feed: &mut Feed) -> Result<Index> {
 /// Reads the table.
 pub(crate) fn frame(feed: &mut Feed, request: &Request, progress: &dyn Progress) -> Result<Frame> {
     let path = feed.path().to_path_buf();
-    if feed.peek(3)? == b"\xef\xbb\xbf" {
-        // The mark of UTF-8 that some programs put in front.
-        feed.skip_to(3, 1, progress)?;
-    }
     let head = feed.peek(super::HEAD as usize)?;
     let shape = shape(head)
         .ok_or_else(|| Error::format(&path, "", "wanted rows of numbers, found none", "is this a table?"))?;

@@ -6,6 +6,8 @@
 //!
 //! What unpacks to more than [`MOST_GROWTH`] times what was taken of the file is refused: of particles nobody packs so much into so little, but
 //! a few bytes of bzip2 or xz can become terabytes.
+//!
+//! The mark of UTF-8 that some editors put in front of a text is no part of its content.
 
 use std::io::{BufRead, BufReader, Error, ErrorKind, Read, Result};
 use std::sync::Arc;
@@ -27,6 +29,9 @@ const MOST_XZ_KIB: u32 = 512 << 10;
 const FREE_BYTES: u64 = 64 << 20;
 /// Beyond that, so many bytes may come out of one, as many as gzip can make of one at most.
 const MOST_GROWTH: u64 = 1032;
+
+/// Text in UTF-8 may begin with it.
+pub(crate) const MARK: &[u8] = b"\xef\xbb\xbf";
 
 /// How a file is compressed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -84,7 +89,7 @@ impl Packing {
             Self::Bzip2 => Box::new(MultiBzDecoder::new(file)),
             Self::Xz => Box::new(XzReader::new_mem_limit(file, true, MOST_XZ_KIB)),
         };
-        Stream { content, taken, given: 0 }
+        Stream { content, taken, front: None, given: 0 }
     }
 }
 
@@ -98,6 +103,8 @@ fn is_bzip2(head: &[u8]) -> bool {
 pub(crate) struct Stream {
     content: Box<dyn Read + Send>,
     taken: Arc<AtomicU64>,
+    /// What is left of the first bytes, which are looked at for a mark; `None` before.
+    front: Option<Vec<u8>>,
     /// How many bytes came out.
     given: u64,
 }
@@ -111,6 +118,17 @@ impl Stream {
 
 impl Read for Stream {
     fn read(&mut self, buffer: &mut [u8]) -> Result<usize> {
+        if self.front.is_none() {
+            let mut front = Vec::new();
+            (&mut self.content).take(MARK.len() as u64).read_to_end(&mut front)?;
+            self.front = Some(if front == MARK { Vec::new() } else { front });
+        }
+        if let Some(front) = self.front.as_mut().filter(|it| !it.is_empty()) {
+            let count = front.len().min(buffer.len());
+            buffer[..count].copy_from_slice(&front[..count]);
+            front.drain(..count);
+            return Ok(count);
+        }
         let count = self.content.read(buffer)?;
         self.given += count as u64;
         if self.given > FREE_BYTES && self.given / MOST_GROWTH > self.taken() {

@@ -36,9 +36,9 @@ const KNOWN: &[Known] = &[
     Known { name: "Houdini blosc (.sc)", is: |head| head.starts_with(b"scf1"), way_out: EFFECTS },
     Known { name: "Alembic", is: |head| head.starts_with(b"Ogawa"), way_out: EFFECTS },
     Known {
-        name: "USD",
-        is: |head| head.starts_with(b"PXR-USDC") || head.starts_with(b"#usda"),
-        way_out: EFFECTS,
+        name: "binary USD",
+        is: |head| head.starts_with(b"PXR-USDC"),
+        way_out: "convert it: usdcat IN -o OUT.usda",
     },
     #[cfg(not(feature = "parquet"))]
     Known {
@@ -61,6 +61,16 @@ const KNOWN: &[Known] = &[
         name: "Feather 1",
         is: |head| head.starts_with(b"FEA1"),
         way_out: "write it again as Feather 2 or Parquet: pandas.read_feather, then to_feather",
+    },
+    Known {
+        name: "text in UTF-16",
+        is: |head| matches!(head, [0xff, 0xfe, _, 0, ..] | [0xfe, 0xff, 0, _, ..]),
+        way_out: "save it as UTF-8: iconv -f UTF-16 -t UTF-8 IN > OUT",
+    },
+    Known {
+        name: "text whose lines end with CR alone",
+        is: |head| super::is_text(head) && head.contains(&b'\r') && !head.contains(&b'\n'),
+        way_out: "end them with LF: tr '\\r' '\\n' < IN > OUT",
     },
     Known {
         name: "LZ4",
@@ -102,10 +112,12 @@ mod tests {
 
     #[test]
     fn known_beginnings_are_named_with_a_way_out() {
-        let cases: [(&[u8], &str); 7] = [
+        let cases: [(&[u8], &str); 9] = [
+            (b"\xff\xfex\0,\0y\0\n\0", "UTF-16"),
+            (b"x,y,z\r1,2,3\r", "CR alone"),
             (b"FEA1\0\0\0\0", "Feather 1"),
             (b"PARE", "encrypted"),
-            (b"#usda 1.0\n", "USD"),
+            (b"PXR-USDC\0", "usdcat"),
             (b"Ogawa\xff\0", "Alembic"),
             (b"<?xml version=\"1.0\"?>\n<Xdmf>", "XDMF"),
             (b"\xc0PRT2\r\n\x1a", "PRT 2"),

@@ -8,6 +8,7 @@ use tyndall::particles::Dropped;
 use tyndall::scene::automatic::Framing;
 use tyndall::scene::guesses::{Guesses, Shown};
 use tyndall::scene::outline::Outline;
+use tyndall::scene::wanted::{Offered, Wanted};
 use tyndall::structure::saved::{Facts, RadiiOf};
 use tyndall::structure::{Kind, Packing, PackingError, pkd, treelets};
 use tyndall::{DVec3, Particles, Radii, Result, Vec3};
@@ -93,15 +94,26 @@ pub(super) enum Sizes {
 }
 
 impl Sizes {
-    pub(super) fn radii(&self) -> Radii {
+    /// Of particles with the attributes at `places`. An attribute that is not among them stays one that is not there.
+    pub(super) fn radii(&self, places: &[usize]) -> Radii {
+        let new_place = |old: usize| places.iter().position(|&it| it == old).unwrap_or(usize::MAX);
         match self {
             Self::Uniform(radius) => Radii::Uniform(*radius as f32),
-            Self::PerType { attribute, radii } => {
-                Radii::PerType { attribute: *attribute, radii: radii.iter().map(|&it| it as f32).collect() }
-            }
+            Self::PerType { attribute, radii } => Radii::PerType {
+                attribute: new_place(*attribute),
+                radii: radii.iter().map(|&it| it as f32).collect(),
+            },
             Self::PerParticle { attribute, scale } => {
-                Radii::PerParticle { attribute: *attribute, scale: *scale as f32 }
+                Radii::PerParticle { attribute: new_place(*attribute), scale: *scale as f32 }
             }
+        }
+    }
+
+    /// The attribute that they are of, if they are of one.
+    fn attribute(&self) -> Option<usize> {
+        match self {
+            Self::Uniform(_) => None,
+            Self::PerType { attribute, .. } | Self::PerParticle { attribute, .. } => Some(*attribute),
         }
     }
 }
@@ -261,6 +273,22 @@ impl About {
                 all: Frame::of(&guesses.all),
             },
         }
+    }
+
+    /// The places of all attributes.
+    pub(super) fn all(&self) -> Vec<usize> {
+        (0..self.attributes.len()).collect()
+    }
+
+    /// The places of the attributes that are wanted, and of that of the radii.
+    pub(super) fn wanted(&self, wanted: &Wanted) -> Vec<usize> {
+        let offered = self.attributes.iter().map(|it| Offered {
+            name: &it.name,
+            components: it.components,
+            is_measured: matches!(it.values.as_str(), "f32" | "f64"),
+        });
+        let flags = wanted.flags(&offered.collect::<Vec<_>>());
+        (0..flags.len()).filter(|&it| flags[it] || self.radii.attribute() == Some(it)).collect()
     }
 
     /// Adds what the structure is.

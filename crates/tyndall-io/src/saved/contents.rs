@@ -88,8 +88,8 @@ impl<'a> Contents<'a> {
         Ok(Some(bonds))
     }
 
-    /// The particles.
-    pub(super) fn particles(&self, about: &About) -> Result<Particles> {
+    /// The particles with the attributes at `places`, among which is that of the radii.
+    pub(super) fn particles(&self, about: &About, places: &[usize]) -> Result<Particles> {
         let mut offsets = Vec::new();
         for axis in ["x", "y", "z"] {
             let name = format!("position.{axis}");
@@ -103,13 +103,11 @@ impl<'a> Contents<'a> {
         let offsets = <[Frozen<f32>; 3]>::try_from(offsets).expect("three axes");
         let columns = Columns {
             positions: Positions::from_frozen(DVec3::from_array(about.origin), offsets),
-            attributes: about
-                .attributes
+            attributes: places
                 .iter()
-                .enumerate()
-                .map(|(place, attribute)| self.attribute(place, attribute))
+                .map(|&place| self.attribute(place, &about.attributes[place]))
                 .collect::<Result<_>>()?,
-            radii: Some(about.radii.radii()),
+            radii: Some(about.radii.radii(places)),
             cell: about.cell.map(about::Cell::cell),
             time: about.time,
             time_unit: about.time_unit.clone(),
@@ -144,8 +142,8 @@ impl<'a> Contents<'a> {
     }
 
     /// Whether all that downstream takes for granted of particles is so.
-    pub(super) fn check_values(&self, about: &About, particles: &Particles) -> Result<()> {
-        for (place, attribute) in particles.attributes().iter().enumerate() {
+    pub(super) fn check_values(&self, about: &About, places: &[usize], particles: &Particles) -> Result<()> {
+        for (place, attribute) in places.iter().zip(particles.attributes()) {
             if let View::Text { codes, names } = attribute.values.view()
                 && let Some(code) = codes.iter().find(|&&code| code as usize >= names.len())
             {

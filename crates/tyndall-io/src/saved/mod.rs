@@ -16,6 +16,7 @@ use std::sync::Arc;
 use memmap2::Mmap;
 use tyndall::particles::{Attribute, Columns, Positions, Values};
 use tyndall::scene::guesses::Guesses;
+use tyndall::scene::wanted::Wanted;
 use tyndall::structure::{Kind, Structure};
 use tyndall::{Error, Particles, Progress, Result};
 
@@ -58,7 +59,7 @@ impl Saved {
         let table = Table::parse(path, &map)?;
         let contents = Contents::mapped(path, &table, map.clone());
         let about = contents.about()?;
-        let particles = contents.particles(&about)?;
+        let particles = contents.particles(&about, &about.all())?;
         let guesses = about.guesses(path, contents.array::<[f32; 4]>("sample")?.to_vec())?;
         let facts = about.facts(path)?;
         let kind = facts.kind;
@@ -108,14 +109,21 @@ pub fn kind_of(path: &Path) -> Option<Kind> {
     about.facts(path).ok().map(|facts| facts.kind)
 }
 
-/// Reads the particles as those of any other format: into memory of their own, with every section that is read checked.
-pub(crate) fn read(path: &Path, bytes: &[u8], progress: &dyn Progress) -> Result<Frame> {
+/// Reads the particles as those of any other format: into memory of their own, with every section that is read checked. Attributes that
+/// are not wanted are left where they are, but for that of the radii.
+pub(crate) fn read(
+    path: &Path,
+    bytes: &[u8],
+    wanted: Option<&Wanted>,
+    progress: &dyn Progress,
+) -> Result<Frame> {
     progress.begin("read", Some(bytes.len() as u64), "B");
     let table = Table::parse(path, bytes)?;
     let contents = Contents::copied(path, &table, bytes);
     let about = contents.about()?;
-    let particles = contents.particles(&about)?;
-    contents.check_values(&about, &particles)?;
+    let places = wanted.map_or_else(|| about.all(), |it| about.wanted(it));
+    let particles = contents.particles(&about, &places)?;
+    contents.check_values(&about, &places, &particles)?;
     progress.advance(bytes.len() as u64);
     Ok(Frame { particles, conventions: about.conventions, warnings: Vec::new() })
 }

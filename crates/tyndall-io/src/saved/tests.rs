@@ -189,7 +189,7 @@ fn files_from_before_bonds_were_kept_open_without() {
     write(&path, &sections);
     let opened = Saved::open(&path).unwrap();
     assert_eq!((opened.particles.len(), opened.particles.bonds().len()), (50, 0));
-    assert!(read(&path, &std::fs::read(&path).unwrap(), &()).unwrap().particles.bonds().is_empty());
+    assert!(read(&path, &std::fs::read(&path).unwrap(), None, &()).unwrap().particles.bonds().is_empty());
 }
 
 #[test]
@@ -203,7 +203,7 @@ fn wrong_values_are_found_when_particles_are_read_as_a_whole() {
         section.2[40..44].copy_from_slice(&word.to_le_bytes());
         write(&path, &altered);
         let bytes = std::fs::read(&path).unwrap();
-        read(&path, &bytes, &()).map(|frame| frame.particles.len()).map_err(|error| error.to_string())
+        read(&path, &bytes, None, &()).map(|frame| frame.particles.len()).map_err(|error| error.to_string())
     };
     assert_eq!(read_with("position.x", 0.25), Ok(50));
     for (target, word) in [("position.y", f32::NAN), ("position.z", f32::INFINITY), ("attribute.0", -1.0)] {

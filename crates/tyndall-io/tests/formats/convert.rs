@@ -10,10 +10,10 @@ use super::{Folder, fixture, frame, open};
 
 /// Formats that are written and read, by their extensions.
 #[cfg(not(feature = "parquet"))]
-const FORMATS: [&str; 10] = ["xyz", "dump", "csv", "tsv", "ply", "npy", "npz", "vtp", "prt", "bgeo"];
+const FORMATS: [&str; 11] = ["xyz", "dump", "csv", "tsv", "ply", "npy", "npz", "vtp", "prt", "bgeo", "usda"];
 #[cfg(feature = "parquet")]
-const FORMATS: [&str; 12] =
-    ["xyz", "dump", "csv", "tsv", "ply", "npy", "npz", "vtp", "prt", "bgeo", "parquet", "feather"];
+const FORMATS: [&str; 13] =
+    ["xyz", "dump", "csv", "tsv", "ply", "npy", "npz", "vtp", "prt", "bgeo", "usda", "parquet", "feather"];
 
 /// Particles with all types of columns.
 fn sample(count: usize, center: DVec3) -> Particles {
@@ -151,7 +151,7 @@ fn coordinates_far_from_zero_keep_their_precision() {
 #[test]
 fn none_and_one_particle_can_be_written() {
     let folder = Folder::new("few");
-    for format in FORMATS.into_iter().chain(["mmpld", "usda", "glb"]) {
+    for format in FORMATS.into_iter().chain(["mmpld", "glb"]) {
         for count in [0, 1] {
             let path = folder.file(&format!("a{count}.{format}"), b"");
             let few = sample(count, DVec3::ZERO);
@@ -265,4 +265,25 @@ fn words_that_a_format_cannot_hold_are_told() {
     assert_eq!((word(&read, 0), word(&read, 1)), ("big,_red".into(), "-".into()));
     assert!(notes[0].contains("'what': blanks in words are written as _"), "{notes:?}");
     assert!(write("a.ply").1[0].contains("PLY has no words"));
+}
+
+#[test]
+fn colors_come_back_as_the_light_that_they_are() {
+    let folder = Folder::new("colors");
+    // Half of the light, as sRGB in 8 and in 16 bits, and as linear floats.
+    let scalars = |values: [Values; 3]| {
+        let names = ["red", "green", "blue"].into_iter().zip(values);
+        names.map(|(name, values)| Attribute::new(name, 1, values)).collect::<Vec<_>>()
+    };
+    let bytes = scalars([188, 255, 0].map(|it| Values::U8(vec![it, 0])));
+    let words = scalars([188 * 257, 65535, 0].map(|it| Values::I32(vec![it, 0])));
+    let light = vec![Attribute::new("Cd", 3, Values::F32(vec![0.5, 1.0, 0.0, 0.0, 0.0, 0.0]))];
+    for attributes in [bytes, words, light] {
+        let mut columns = Columns { attributes, ..Columns::default() };
+        columns.positions.extend(&[DVec3::ZERO, DVec3::ONE]);
+        let found = convert(&Particles::new(columns).unwrap(), &folder.file("a.usda", b""));
+        let color = found.attribute("color").unwrap();
+        let found = [0, 1, 2].map(|component| color.number(0, component));
+        assert!((found[0] - 0.5).abs() < 3e-3 && found[1..] == [1.0, 0.0], "{found:?}");
+    }
 }

@@ -460,3 +460,35 @@ fn a_grid_is_no_particles() {
     let grid = Sequence::open(&[folder.join("volume/hf.dx")], &Options::default(), &());
     assert!(grid.is_err(), "a grid was opened as particles");
 }
+
+#[test]
+fn a_mark_of_utf8_in_front_of_a_text_is_no_part_of_it() {
+    let folder = Folder::new("mark");
+    for name in [
+        "lammps.dump",
+        "lammps.data",
+        "extended.xyz",
+        "gromacs.gro",
+        "protein.pdb",
+        "protein.cif",
+        "text.ply",
+        "legacy_text.vtk",
+        "text.vtp",
+        "houdini.geo",
+        "maya.pda",
+        "table.csv",
+        "universal.usda",
+        "cloud.pts",
+    ] {
+        let path = fixture("samples").join(name);
+        let (plain, wanted) = (std::fs::read(&path).unwrap(), frame(&open(&path), 0).particles);
+        let marked = [b"\xef\xbb\xbf", &plain[..]].concat();
+        for (name, bytes) in [(name.to_string(), marked.clone()), (format!("{name}.gz"), gzip(&marked))] {
+            let found = frame(&open(&folder.file(&name, &bytes)), 0).particles;
+            assert!(found.positions() == wanted.positions(), "{name}");
+            // As text, in which NaN is as NaN.
+            let [found, wanted] = [&found, &wanted].map(|it| format!("{:?}", it.attributes()));
+            assert_eq!(found, wanted, "{name}");
+        }
+    }
+}

@@ -180,6 +180,22 @@ fn arrays_of_an_archive_that_are_not_wanted_are_not_unpacked() {
 }
 
 #[test]
+fn colors_of_a_packed_one_are_wanted_by_their_names() {
+    let header = "VERSION 0.7\nFIELDS x y z rgb w _\nSIZE 4 4 4 4 4 1\nTYPE F F F U F U\nCOUNT 1 1 1 1 2 3\n";
+    let rows: String = (0..300).map(|k| format!("{k} 0 1 {} 1 {k} 7 7 7\n", 65536 * (k % 256))).collect();
+    let folder = Folder::new("pcd");
+    let text = format!("{header}WIDTH 300\nHEIGHT 1\nPOINTS 300\nDATA ascii\n{rows}");
+    let path = folder.file("a.pcd", text.as_bytes());
+    assert_eq!(names(&path, &["w.y"]), ["w"]);
+    assert_eq!(names(&path, &["red"]), ["rgb", "red", "green", "blue"]);
+    assert_eq!(names(&path, &["rgb", "x"]), ["rgb", "red", "green", "blue"]);
+    // Where red has a field of its own, the packed color stays what it is.
+    let path = folder.file("b.pcd", text.replace("z rgb w", "red rgb z").as_bytes());
+    let error = Sequence::open(&[path], &Options::default(), &()).and_then(|it| it.frame(0, &()));
+    assert!(error.err().unwrap().to_string().contains("no fields x, y and z"), "z has two numbers a point");
+}
+
+#[test]
 fn rows_that_lack_a_value_are_found_though_it_is_not_wanted() {
     let folder = Folder::new("unwanted");
     let path =

@@ -33,6 +33,18 @@ impl Part {
     fn number(&self, row: usize, component: usize) -> f64 {
         number(&self.values, row * self.components + component)
     }
+
+    /// Appends a component of all rows, as seen from `origin`.
+    fn append_offsets(&self, component: usize, origin: f64, offsets: &mut Vec<f32>) {
+        let places = component..self.rows * self.components;
+        let step = self.components.max(1);
+        let offset = |value: f64| (value - origin) as f32;
+        match &self.values {
+            Values::F32(it) => offsets.extend(it[places].iter().step_by(step).map(|&it| offset(it.into()))),
+            Values::F64(it) => offsets.extend(it[places].iter().step_by(step).map(|&it| offset(it))),
+            values => offsets.extend(places.step_by(step).map(|place| offset(number(values, place)))),
+        }
+    }
 }
 
 fn number(values: &Values, place: usize) -> f64 {
@@ -114,10 +126,12 @@ fn list(column: &ArrayRef, leaf: &Leaf) -> Result<Part, String> {
         let first = starts.first().copied().unwrap_or(0);
         return Ok(Part { rows, components, values: numbers(&items.slice(first, rows * components), kind)? });
     }
-    let all = numbers(&items, kind)?;
+    let first = starts.first().copied().unwrap_or(0);
+    let end = starts.iter().zip(&lengths).map(|(start, length)| start + length).next_back().unwrap_or(first);
+    let all = numbers(&items.slice(first, end - first), kind)?;
     let value = |place: usize| {
         let row = place / components;
-        if is_null(row) { f64::NAN } else { number(&all, starts[row] + place % components) }
+        if is_null(row) { f64::NAN } else { number(&all, starts[row] - first + place % components) }
     };
     let values = (0..rows * components).map(value);
     let values = match with_gaps(kind) {
@@ -419,22 +433,29 @@ impl Places {
                 }
             }
         }
-        let coordinate = |row: usize, axis: usize| {
-            let of = |(role, part): &(Role, Part)| match role {
-                Role::Axis(of) => (*of == axis).then(|| part.number(row, 0)),
-                Role::Position => (axis < part.components).then(|| part.number(row, axis)),
+        // Where the coordinates of an axis are; nowhere in the plane.
+        let column = |axis: usize| {
+            let of = |(role, part): &'_ (Role, Part)| match role {
+                Role::Axis(of) => (*of == axis).then_some(0),
+                Role::Position => (axis < part.components).then_some(axis),
                 Role::Attribute => None,
             };
-            parts.iter().find_map(of).unwrap_or(0.0)
+            parts.iter().find_map(|it| Some((&it.1, of(it)?)))
         };
-        let position = |row: usize| DVec3::from_array(std::array::from_fn(|axis| coordinate(row, axis)));
+        let columns: [Option<(&Part, usize)>; 3] = std::array::from_fn(column);
         let origin = *self.origin.get_or_insert_with(|| {
+            let coordinate =
+                |row, axis: usize| columns[axis].map_or(0.0, |(part, component)| part.number(row, component));
+            let position = |row: usize| DVec3::from_array(std::array::from_fn(|axis| coordinate(row, axis)));
             let mut positions = Positions::new();
             positions.extend(&(0..rows.min(ORIGIN_COUNT)).map(position).collect::<Vec<_>>());
             positions.origin()
         });
         for (axis, offsets) in self.offsets.iter_mut().enumerate() {
-            offsets.extend((0..rows).map(|row| (coordinate(row, axis) - origin[axis]) as f32));
+            match columns[axis] {
+                Some((part, component)) => part.append_offsets(component, origin[axis], offsets),
+                None => offsets.extend(std::iter::repeat_n((0.0 - origin[axis]) as f32, rows)),
+            }
         }
         Ok(())
     }

@@ -6,11 +6,13 @@
 use std::path::Path;
 use std::sync::Arc;
 
+use arrow_array::cast::AsArray;
+use arrow_array::{ArrayRef, RecordBatch};
 use arrow_buffer::Buffer;
 use arrow_ipc::reader::FileDecoder;
 use arrow_ipc::{
-    Block as Place, CompressionType, MessageHeader, MetadataVersion, RecordBatch, convert, root_as_footer,
-    root_as_message,
+    Block as Place, CompressionType, MessageHeader, MetadataVersion, RecordBatch as Packed, convert,
+    root_as_footer, root_as_message,
 };
 use arrow_schema::{Schema, SchemaRef};
 use bytes::Bytes;
@@ -18,9 +20,11 @@ use rayon::prelude::*;
 use tyndall::{Error, Progress, Result};
 
 use super::column::part;
-use super::{ABOUT, Block, HINT, ROUND_ROWS, Table};
+use super::plan::Leaf;
+use super::{ABOUT, BATCH_ROWS, Block, HINT, ROUND_BYTES, Shared, Table};
 use crate::read::content::kept;
 use crate::read::guard::guarded;
+use crate::read::map::released;
 use crate::read::{Index, Request, Span};
 use crate::sequence::{Frame, Options};
 
@@ -183,8 +187,11 @@ pub(crate) fn frame(
     let file = File::new(path, bytes)?;
     let mut table = Table::new(path, &file.schema, request)?;
     let roots = table.roots();
+    let row_bytes: usize = table.plan.leaves.iter().map(Leaf::row_bytes).sum();
+    let content = Arc::new(kept(path, bytes));
+    let progress = &released(content.map(), progress);
     progress.begin("read", Some(bytes.len() as u64), "B");
-    let whole = Buffer::from(Bytes::from_owner(kept(path, bytes)));
+    let whole = Buffer::from(Bytes::from_owner(Shared(content.clone())));
     let mut decoder = FileDecoder::new(file.schema.clone(), file.version).with_projection(roots.clone());
     let wrong = |place: &Place, (what, hint): Fault| {
         Error::format(path, format!("the block at byte {}", place.offset()), what, hint)
@@ -206,44 +213,80 @@ pub(crate) fn frame(
             next += 1;
             continue;
         }
-        // As many rows as are decoded together, up to the next dictionary.
-        let (mut round, mut rows) = (Vec::new(), 0);
+        // As many blocks as are decoded together, up to the next dictionary.
+        let (mut round, mut bytes) = (Vec::new(), 0);
         while let Some((Message::Rows, place)) = file.blocks.get(next)
-            && rows < ROUND_ROWS
+            && bytes < ROUND_BYTES
         {
-            let bytes = slice(place);
-            let count = guarded(|| check(&bytes, place)).unwrap_or_else(|| fault("it is damaged"));
-            rows += count.map_err(|fault| wrong(place, fault))?;
-            round.push((place, bytes));
+            let block = slice(place);
+            let rows = guarded(|| check(&block, place)).unwrap_or_else(|| fault("it is damaged"));
+            bytes += rows.map_err(|fault| wrong(place, fault))?.saturating_mul(row_bytes.max(1));
+            round.push((place, block));
             next += 1;
         }
-        let leaves = &table.plan.leaves;
-        let blocks: Vec<Result<(usize, Block)>> = round
+        let batches: Vec<Result<RecordBatch>> = round
             .par_iter()
-            .map(|(place, bytes)| {
+            .map(|(place, block)| {
                 if progress.cancelled() {
                     return Err(Error::Interrupted);
                 }
-                let read = || {
-                    let batch =
-                        decoder.read_record_batch(place, bytes).map_err(|error| (error.to_string(), HINT))?;
-                    let Some(batch) = batch else { return fault("it has no rows") };
-                    let column =
-                        |root: usize| roots.iter().position(|&it| it == root).map(|it| batch.column(it));
-                    let block = leaves
-                        .iter()
-                        .map(|leaf| part(column(leaf.root).expect("it is a root"), leaf))
-                        .collect();
-                    Ok((batch.num_rows(), block))
+                let read = || match decoder.read_record_batch(place, block) {
+                    Ok(Some(batch)) => Ok(batch),
+                    Ok(None) => fault("it has no rows"),
+                    Err(error) => fault(error.to_string()),
                 };
-                progress.advance(bytes.len() as u64);
                 guarded(read).unwrap_or_else(|| fault("it is damaged")).map_err(|fault| wrong(place, fault))
             })
             .collect();
-        table.append(blocks.into_iter().collect::<Result<_>>()?)?;
+        // A block may have all rows of the file: they become columns a few at a time.
+        let mut slices = Vec::new();
+        for ((place, block), batch) in round.into_iter().zip(batches) {
+            let batch = batch?;
+            let step = slice_rows(&batch);
+            for start in (0..batch.num_rows()).step_by(step) {
+                let rows = step.min(batch.num_rows() - start);
+                let share = (rows as f64 / batch.num_rows() as f64 * block.len() as f64) as u64;
+                slices.push((place, batch.slice(start, rows), share));
+            }
+        }
+        let mut rest = &slices[..];
+        while !rest.is_empty() {
+            let mut bytes = 0;
+            let fits = |it: &&(&Place, RecordBatch, u64)| {
+                let before = bytes;
+                bytes += it.1.num_rows() * row_bytes;
+                before < ROUND_BYTES
+            };
+            let (now, later) = rest.split_at(rest.iter().take_while(fits).count());
+            let leaves = &table.plan.leaves;
+            let column = |batch: &RecordBatch, leaf: &Leaf| {
+                let place = roots.iter().position(|&it| it == leaf.root).expect("each leaf has a root");
+                part(batch.column(place), leaf)
+            };
+            let blocks: Vec<Result<(usize, Block)>> = now
+                .par_iter()
+                .map(|(place, batch, _)| {
+                    if progress.cancelled() {
+                        return Err(Error::Interrupted);
+                    }
+                    let block = guarded(|| leaves.iter().map(|leaf| column(batch, leaf)).collect::<Block>());
+                    let block = block.ok_or_else(|| wrong(place, ("it is damaged".to_string(), HINT)))?;
+                    Ok((batch.num_rows(), block))
+                })
+                .collect();
+            table.append(blocks.into_iter().collect::<Result<_>>()?)?;
+            progress.advance(now.iter().map(|it| it.2).sum());
+            rest = later;
+        }
     }
     let about = file.schema.metadata().get(ABOUT).cloned();
     table.finish(about.as_deref())
+}
+
+/// How many rows of a block become columns at a time: more than its dictionaries have entries, which are looked at each time.
+fn slice_rows(batch: &RecordBatch) -> usize {
+    let entries = |it: &ArrayRef| it.as_any_dictionary_opt().map_or(0, |it| it.values().len());
+    4 * batch.columns().iter().map(entries).max().unwrap_or(0).max(BATCH_ROWS / 4)
 }
 
 /// How many rows a block claims; fails where packed buffers claim to be more than they can become.
@@ -262,7 +305,7 @@ fn check(bytes: &Buffer, place: &Place) -> std::result::Result<usize, Fault> {
     usize::try_from(rows.length()).or_else(|_| fault("it has less than no rows"))
 }
 
-fn unpackable(rows: &RecordBatch, body: &[u8]) -> std::result::Result<(), Fault> {
+fn unpackable(rows: &Packed, body: &[u8]) -> std::result::Result<(), Fault> {
     let Some(compression) = rows.compression() else { return Ok(()) };
     if compression.codec() != CompressionType::LZ4_FRAME {
         return Err((

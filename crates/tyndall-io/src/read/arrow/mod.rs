@@ -12,6 +12,7 @@ mod plan;
 mod thrift;
 
 use std::path::Path;
+use std::sync::Arc;
 
 use arrow_schema::Schema;
 use rayon::prelude::*;
@@ -20,17 +21,29 @@ use tyndall::{Cell, DVec3, Error, Result};
 
 use self::column::{Joined, Part, Places};
 use self::plan::{Plan, Role};
+use super::content::Content;
 use super::{Request, records};
 use crate::sequence::Frame;
 
 /// Bytes that packed ones become at most: deflate's limit, which whole compressed files have too.
 const MOST_RATIO: usize = 1032;
-/// Rows that are decoded before they are joined.
-const ROUND_ROWS: usize = 1 << 20;
+/// Rows that are decoded at a time.
+const BATCH_ROWS: usize = 1 << 16;
+/// Bytes of rows that are decoded before they are joined.
+const ROUND_BYTES: usize = 16 << 20;
 const HINT: &str = "was it written to its end?";
 
 /// What the columns of a block of rows have, in the order of the plan's leaves; or what is wrong with one.
 type Block = Vec<std::result::Result<Part, String>>;
+
+/// The content of the file, which the decoders keep.
+struct Shared(Arc<Content>);
+
+impl AsRef<[u8]> for Shared {
+    fn as_ref(&self) -> &[u8] {
+        (*self.0).as_ref()
+    }
+}
 
 /// A table while it is read.
 struct Table<'a> {

@@ -1,6 +1,7 @@
 //! Parquet: row groups of packed columns, decoded side by side.
 //!
-//! Nothing but the footer and the pages of the wanted columns is read. Pages are unpacked by `pages.rs`: snappy, gzip, LZ4, zstd.
+//! Nothing but the footer and the pages of the wanted columns is read, a few batches of all columns at a time, so that large row groups need
+//! no more memory than small ones. Pages are unpacked by `pages.rs`: snappy, gzip, LZ4, zstd.
 //! Source: Apache Parquet format 2.12, parquet.apache.org.
 
 use std::path::Path;
@@ -14,22 +15,23 @@ use parquet::arrow::arrow_reader::{
 use parquet::arrow::{ProjectionMask, parquet_to_arrow_field_levels};
 use parquet::column::page::{PageIterator, PageReader};
 use parquet::errors::{ParquetError, Result as ParquetResult};
-use parquet::file::metadata::{ParquetMetaData, ParquetMetaDataReader, RowGroupMetaData};
+use parquet::file::metadata::{
+    ColumnChunkMetaData, ParquetMetaData, ParquetMetaDataReader, RowGroupMetaData,
+};
 use rayon::prelude::*;
 use tyndall::{Error, Progress, Result};
 
 use super::column::part;
 use super::pages::Pages;
 use super::plan::{Leaf, Place};
-use super::{ABOUT, Block, HINT, MOST_RATIO, ROUND_ROWS, Table, thrift};
-use crate::read::content::kept;
+use super::{ABOUT, BATCH_ROWS, Block, HINT, MOST_RATIO, ROUND_BYTES, Shared, Table, thrift};
+use crate::read::content::{Content, kept};
 use crate::read::guard::guarded;
+use crate::read::map::released;
 use crate::read::{Index, Request, Span};
 use crate::sequence::{Frame, Options};
 
 const MAGIC: &[u8] = b"PAR1";
-/// Rows that are decoded at a time.
-const BATCH_ROWS: usize = 1 << 16;
 /// Values of a list of a row, beyond which it is no vector.
 const MOST_VALUES: u64 = 64;
 
@@ -40,6 +42,7 @@ pub(crate) fn recognise(head: &[u8]) -> bool {
 
 /// A file whose footer was read.
 struct File {
+    content: Arc<Content>,
     bytes: Bytes,
     metadata: ArrowReaderMetadata,
 }
@@ -64,7 +67,8 @@ impl File {
         let metadata = guarded(read)
             .ok_or_else(|| wrong("the metadata are damaged".to_string()))?
             .map_err(|error| wrong(format!("the metadata cannot be understood: {error}")))?;
-        Ok(Self { bytes: Bytes::from_owner(kept(path, bytes)), metadata })
+        let content = Arc::new(kept(path, bytes));
+        Ok(Self { bytes: Bytes::from_owner(Shared(content.clone())), content, metadata })
     }
 
     fn schema(&self) -> &Schema {
@@ -78,6 +82,20 @@ impl File {
 
     fn groups(&self) -> &[RowGroupMetaData] {
         self.metadata.metadata().row_groups()
+    }
+
+    /// What is stored of a column of the table in a row group.
+    fn columns_of(&self, group: usize, root: usize) -> impl Iterator<Item = &ColumnChunkMetaData> {
+        let descriptor = self.metadata.parquet_schema();
+        let mine =
+            (0..descriptor.num_columns()).filter(move |&it| descriptor.get_column_root_idx(it) == root);
+        mine.map(move |it| self.groups()[group].column(it))
+    }
+
+    /// Bytes of some columns in a row group, as the file tells.
+    fn packed_bytes(&self, group: usize, roots: &[usize]) -> f64 {
+        let columns = roots.iter().flat_map(|&root| self.columns_of(group, root));
+        columns.map(|it| it.compressed_size().max(0) as f64).sum()
     }
 }
 
@@ -128,105 +146,157 @@ pub(crate) fn frame(
     progress: &dyn Progress,
 ) -> Result<Frame> {
     let file = File::new(path, bytes)?;
+    let progress = &released(file.content.map(), progress);
     let mut table = Table::new(path, file.schema(), request)?;
     let row_bytes = table.plan.leaves.iter().map(Leaf::row_bytes).sum();
-    let all = rows(path, &file, row_bytes)?;
-    progress.begin("read", Some(all as u64), "rows");
+    rows(path, &file, row_bytes)?;
     let roots = table.roots();
-    let mut group = 0;
-    while group < file.groups().len() {
-        let first = group;
-        let mut round = 0;
-        while group < file.groups().len() && (group == first || round < ROUND_ROWS) {
-            round += file.rows(group);
-            group += 1;
-        }
-        let jobs: Vec<(usize, usize)> =
-            (first..group).flat_map(|group| roots.iter().map(move |&root| (group, root))).collect();
-        let leaves = &table.plan.leaves;
-        let decoded: Vec<_> = jobs
-            .par_iter()
-            .map(|&(group, root)| {
-                let mine: Vec<&Leaf> = leaves.iter().filter(|it| it.root == root).collect();
-                let read =
-                    || if progress.cancelled() { Ok(Vec::new()) } else { column(&file, group, root, &mine) };
-                guarded(read).unwrap_or_else(|| Err("the data are damaged".to_string()))
-            })
-            .collect();
-        if progress.cancelled() {
-            return Err(Error::Interrupted);
-        }
-        // From columns of batches to blocks of all columns.
-        let mut columns = Vec::new();
-        for ((group, root), batches) in jobs.into_iter().zip(decoded) {
-            columns.push(batches.map_err(|what| {
-                let name = file.schema().field(root).name();
-                let place = format!("row group {}, column '{name}'", group + 1);
-                Error::format(path, place, what, HINT)
-            })?);
-        }
-        let mut blocks = Vec::new();
-        for (group, columns) in (first..group).zip(columns.chunks_mut(roots.len())) {
-            for (batch, rows) in batches(file.rows(group)).enumerate() {
-                let mut parts: Vec<_> =
-                    columns.iter_mut().map(|it| std::mem::take(&mut it[batch]).into_iter()).collect();
-                let part = |leaf: &Leaf| {
-                    let root = roots.binary_search(&leaf.root).expect("each leaf has a root");
-                    parts[root].next().expect("a part a leaf")
-                };
-                blocks.push((rows, leaves.iter().map(part).collect::<Block>()));
+    let packed = |group| file.packed_bytes(group, &roots);
+    progress.begin("read", Some((0..file.groups().len()).map(packed).sum::<f64>() as u64), "B");
+    let mut groups = (0..file.groups().len()).map(|group| Reading {
+        group,
+        left: file.rows(group),
+        columns: roots.iter().map(|&root| Column { group, root, found: 0, reader: None }).collect(),
+    });
+    // A group of which only some rows were read.
+    let mut begun: Option<Reading> = None;
+    loop {
+        let (mut round, mut bytes) = (Vec::new(), 0);
+        while bytes < ROUND_BYTES
+            && let Some(mut reading) = begun.take().or_else(|| groups.next())
+        {
+            let mut batches = Vec::new();
+            while bytes < ROUND_BYTES && reading.left > 0 {
+                let rows = reading.left.min(BATCH_ROWS);
+                reading.left -= rows;
+                bytes += rows * row_bytes.max(1);
+                batches.push(rows);
             }
+            round.push((reading, batches));
         }
+        if round.is_empty() {
+            break;
+        }
+        let blocks = decoded(path, &file, &table.plan.leaves, &mut round, progress)?;
         table.append(blocks)?;
-        progress.advance(round as u64);
+        for (reading, batches) in &round {
+            let share = batches.iter().sum::<usize>() as f64 / file.rows(reading.group).max(1) as f64;
+            progress.advance((share * packed(reading.group)) as u64);
+        }
+        begun = round.pop().map(|(reading, _)| reading).filter(|it| it.left > 0);
     }
     let about = file.schema().metadata().get(ABOUT).cloned();
     table.finish(about.as_deref())
 }
 
-/// The numbers of rows that are decoded at a time.
-fn batches(rows: usize) -> impl Iterator<Item = usize> {
-    (0..rows).step_by(BATCH_ROWS).map(move |start| BATCH_ROWS.min(rows - start))
+/// A row group while it is read.
+struct Reading {
+    group: usize,
+    /// Rows behind those that were read.
+    left: usize,
+    columns: Vec<Column>,
 }
 
-/// What the leaves have of a column of a row group, batch by batch; on failure why it cannot be decoded.
-fn column(
+/// The next rows of row groups, in batches of so many rows each: all columns side by side.
+fn decoded(
+    path: &Path,
     file: &File,
-    group: usize,
-    root: usize,
-    leaves: &[&Leaf],
-) -> std::result::Result<Vec<Block>, String> {
-    let said = |error: &dyn std::fmt::Display| error.to_string();
-    let descriptor = file.metadata.parquet_schema();
-    let rows = file.rows(group);
-    if leaves.iter().any(|it| it.place == Place::List) {
-        let values = |column: usize| file.groups()[group].column(column).num_values();
-        let mut mine = (0..descriptor.num_columns()).filter(|&it| descriptor.get_column_root_idx(it) == root);
-        if mine.any(|it| values(it) as u64 > rows as u64 * MOST_VALUES) {
-            let long = || Err(format!("its lists have more than {MOST_VALUES} numbers"));
-            return Ok(batches(rows).map(|_| leaves.iter().map(|_| long()).collect()).collect());
-        }
+    leaves: &[Leaf],
+    round: &mut [(Reading, Vec<usize>)],
+    progress: &dyn Progress,
+) -> Result<Vec<(usize, Block)>> {
+    let mut jobs: Vec<(&mut Column, &[usize])> = Vec::new();
+    for (reading, batches) in &mut *round {
+        jobs.extend(reading.columns.iter_mut().map(|column| (column, &batches[..])));
     }
-    let mask = ProjectionMask::roots(descriptor, [root]);
-    let levels = parquet_to_arrow_field_levels(descriptor, mask, Some(file.schema().fields()))
-        .map_err(|it| said(&it))?;
-    let mut reader =
-        ParquetRecordBatchReader::try_new_with_row_groups(&levels, &Group { file, group }, BATCH_ROWS, None)
-            .map_err(|it| said(&it))?;
-    let (mut blocks, mut found) = (Vec::new(), 0);
-    for wanted in batches(rows) {
-        let Some(batch) = reader.next() else { break };
-        let batch = batch.map_err(|it| said(&it))?;
-        found += batch.num_rows();
-        if batch.num_rows() != wanted {
-            break;
+    let decoded: Vec<_> = jobs
+        .par_iter_mut()
+        .map(|(column, batches)| {
+            if progress.cancelled() {
+                return Err(Error::Interrupted);
+            }
+            let mine: Vec<&Leaf> = leaves.iter().filter(|it| it.root == column.root).collect();
+            let next = guarded(|| column.next(file, &mine, batches));
+            next.unwrap_or_else(|| Err("the data are damaged".to_string())).map_err(|what| {
+                let name = file.schema().field(column.root).name();
+                let place = format!("row group {}, column '{name}'", column.group + 1);
+                Error::format(path, place, what, HINT)
+            })
+        })
+        .collect();
+    // From columns of batches to blocks of all columns.
+    let (mut decoded, mut blocks) = (decoded.into_iter(), Vec::new());
+    for (reading, batches) in &*round {
+        let roots: Vec<usize> = reading.columns.iter().map(|it| it.root).collect();
+        let mut columns: Vec<Vec<Block>> = decoded.by_ref().take(roots.len()).collect::<Result<_>>()?;
+        for (batch, &rows) in batches.iter().enumerate() {
+            let mut parts: Vec<_> =
+                columns.iter_mut().map(|it| std::mem::take(&mut it[batch]).into_iter()).collect();
+            let part = |leaf: &Leaf| {
+                let root = roots.binary_search(&leaf.root).expect("each leaf has a root");
+                parts[root].next().expect("a part a leaf")
+            };
+            blocks.push((rows, leaves.iter().map(part).collect::<Block>()));
         }
-        blocks.push(leaves.iter().map(|leaf| part(batch.column(0), leaf)).collect());
-    }
-    if found != rows {
-        return Err(format!("{found} rows were found, {rows} were promised"));
     }
     Ok(blocks)
+}
+
+/// A column of a row group while it is read.
+struct Column {
+    group: usize,
+    root: usize,
+    /// Rows that were read.
+    found: usize,
+    /// What decodes it, from the first batch to the last one.
+    reader: Option<ParquetRecordBatchReader>,
+}
+
+impl Column {
+    /// What the leaves have of the next batches, which have so many rows; on failure why they cannot be decoded.
+    fn next(
+        &mut self,
+        file: &File,
+        leaves: &[&Leaf],
+        batches: &[usize],
+    ) -> std::result::Result<Vec<Block>, String> {
+        if leaves.iter().any(|it| it.place == Place::List) && self.has_long_lists(file) {
+            let long = || Err(format!("its lists have more than {MOST_VALUES} numbers"));
+            return Ok(batches.iter().map(|_| leaves.iter().map(|_| long()).collect()).collect());
+        }
+        let rows = file.rows(self.group);
+        let reader = match &mut self.reader {
+            Some(reader) => reader,
+            none => none.insert(reader(file, self.group, self.root).map_err(|it| it.to_string())?),
+        };
+        let mut blocks = Vec::with_capacity(batches.len());
+        for &wanted in batches {
+            let batch = reader.next().transpose().map_err(|it| it.to_string())?;
+            let count = batch.as_ref().map_or(0, |it| it.num_rows());
+            self.found += count;
+            let Some(batch) = batch.filter(|_| count == wanted) else {
+                return Err(format!("{} rows were found, {rows} were promised", self.found));
+            };
+            blocks.push(leaves.iter().map(|leaf| part(batch.column(0), leaf)).collect());
+        }
+        if self.found == rows {
+            self.reader = None;
+        }
+        Ok(blocks)
+    }
+
+    fn has_long_lists(&self, file: &File) -> bool {
+        let most = file.rows(self.group) as u64 * MOST_VALUES;
+        file.columns_of(self.group, self.root).any(|it| it.num_values() as u64 > most)
+    }
+}
+
+/// Decodes a column of a row group.
+fn reader(file: &File, group: usize, root: usize) -> ParquetResult<ParquetRecordBatchReader> {
+    let descriptor = file.metadata.parquet_schema();
+    let mask = ProjectionMask::roots(descriptor, [root]);
+    let levels = parquet_to_arrow_field_levels(descriptor, mask, Some(file.schema().fields()))?;
+    ParquetRecordBatchReader::try_new_with_row_groups(&levels, &Group { file, group }, BATCH_ROWS, None)
 }
 
 /// The pages of a row group.

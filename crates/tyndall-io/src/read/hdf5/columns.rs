@@ -7,7 +7,7 @@ use rayon::prelude::*;
 use tyndall::particles::{Columns, Values};
 use tyndall::{Error, Progress, Result};
 
-use super::tree::{NATIVE, Rows, Tree};
+use super::tree::{NATIVE, Native, Rows, Tree};
 use crate::read::numbers::Kind;
 use crate::read::records::{Builder, ORIGIN_COUNT, Source};
 use crate::read::sections::{Column, common, with_gaps};
@@ -70,12 +70,24 @@ impl Input {
         }
     }
 
-    /// The bytes of some rows, of [`Input::shape`].
-    fn read(&self, rows: Range<usize>) -> Result<Vec<u8>> {
+    /// Some rows, a few whole chunks at a time: gives them to `fill` with their places among all that are asked for.
+    fn read_each(&self, rows: Range<usize>, mut fill: impl FnMut(Source, Range<usize>)) -> Result<()> {
+        let Some((kind, width)) = self.shape() else { return Ok(()) };
+        let step = batch_rows(self.rows().iter().map(|it| it.chunk_rows).max().unwrap_or(0));
+        for first in rows.clone().step_by(step) {
+            let some = first..rows.end.min(first + step);
+            let bytes = self.read(some.clone())?;
+            fill(source(&bytes, kind, width), some.start - rows.start..some.end - rows.start);
+        }
+        Ok(())
+    }
+
+    /// Some rows, of [`Input::shape`].
+    fn read(&self, rows: Range<usize>) -> Result<Native> {
         let sums = match self {
             Self::Rows(data) => return data.read(rows),
             Self::Sums(sums) => sums,
-            Self::All(_) | Self::Missing => return Ok(Vec::new()),
+            Self::All(_) | Self::Missing => return Ok(Native::of(Vec::<u8>::new())),
         };
         let mut values = vec![0.0; rows.len() * sums.len()];
         for (component, terms) in sums.iter().enumerate() {
@@ -93,7 +105,15 @@ impl Input {
                 }
             }
         }
-        Ok(bytemuck::cast_slice(&values).to_vec())
+        Ok(Native::of(values))
+    }
+}
+
+/// Rows that are decoded at a time: whole chunks of so many rows, so that none is decoded twice.
+fn batch_rows(chunk: usize) -> usize {
+    match chunk {
+        0 => BATCH_ROWS,
+        chunk => chunk.saturating_mul(BATCH_ROWS.div_ceil(chunk)).min(MOST_BATCH_ROWS),
     }
 }
 
@@ -152,41 +172,39 @@ pub(super) fn gather(
     for run in runs {
         let inputs = std::iter::once(&run.positions).chain(&run.values);
         let chunk = inputs.flat_map(Input::rows).map(|it| it.chunk_rows).max().unwrap_or(0);
-        // Whole chunks, so that none is decoded twice.
-        let batch = match chunk {
-            0 => BATCH_ROWS,
-            chunk => (chunk * BATCH_ROWS.div_ceil(chunk)).min(MOST_BATCH_ROWS),
-        };
+        let batch = batch_rows(chunk);
         let starts = (0..run.count).step_by(batch);
         batches.extend(starts.map(|start| (run, start, batch.min(run.count - start))));
     }
     let rows: Vec<usize> = batches.iter().map(|it| it.2).collect();
     let jobs: Vec<_> = batches.into_iter().zip(builder.split(&rows)).collect();
     jobs.into_par_iter().try_for_each(|((run, start, rows), mut slots)| {
+        // Told column by column, so that the pages of what was read are given back early.
+        let bytes = rows as u128 * u128::from(total_bytes) / count as u128;
+        let share = |columns_read: usize| bytes * columns_read as u128 / (1 + columns.len()) as u128;
+        let tell = |place: usize| progress.advance((share(place + 1) - share(place)) as u64);
         let (axes, values) = slots.split_at_mut(3);
-        let (kind, width) = run.positions.shape().unwrap_or((Kind::F64, 0));
-        let bytes = run.positions.read(start..start + rows)?;
-        for (axis, slot) in axes.iter_mut().enumerate() {
-            match axis < width {
-                true => slot.fill(&source(&bytes, kind, width).component(axis), 0, 1, 0..rows),
-                false => slot.fill_constant(0.0, 1, 0..rows),
+        let width = run.positions.shape().map_or(0, |it| it.1);
+        run.positions.read_each(start..start + rows, |source, rows| {
+            for (axis, slot) in axes.iter_mut().enumerate().take(width) {
+                slot.fill_from(&source.component(axis), 0, 1, rows.clone());
             }
-        }
-        for ((slot, input), column) in values.iter_mut().zip(&run.values).zip(columns) {
+        })?;
+        axes.iter_mut().skip(width).for_each(|slot| slot.fill_constant(0.0, 1, 0..rows));
+        tell(0);
+        for (place, ((slot, input), column)) in values.iter_mut().zip(&run.values).zip(columns).enumerate() {
             if progress.cancelled() {
                 return Err(Error::Interrupted);
             }
             match input {
                 Input::All(number) => slot.fill_constant(*number, column.components, 0..rows),
                 Input::Missing => slot.fill_constant(f64::NAN, column.components, 0..rows),
-                input => {
-                    let (kind, width) = input.shape().expect("it has values for each particle");
-                    let bytes = input.read(start..start + rows)?;
-                    slot.fill(&source(&bytes, kind, width), 0, column.components, 0..rows);
-                }
+                input => input.read_each(start..start + rows, |source, rows| {
+                    slot.fill_from(&source, 0, column.components, rows);
+                })?,
             }
+            tell(1 + place);
         }
-        progress.advance((rows as u128 * u128::from(total_bytes) / count as u128) as u64);
         Ok(())
     })?;
     let mut gathered = builder.into_columns();

@@ -13,7 +13,7 @@ use super::columns::{self, Input, Run};
 use super::connectivity;
 use super::tree::{Data, Group, Tree};
 use crate::read::records;
-use crate::read::sections::Column;
+use crate::read::sections::{self, Column};
 use crate::sequence::{Frame, Options};
 
 /// A quantity: its value, and at which steps it was taken if it changes.
@@ -177,19 +177,24 @@ pub(super) fn frame(tree: &Tree, frame: usize, options: &Options, progress: &dyn
                 continue;
             }
         };
-        if !names.is_empty() && rows.width == 1 {
-            words.push((columns.len(), names));
-        }
+        words.push(if rows.width == 1 { names } else { Vec::new() });
         columns.push(Column { unit, ..Column::new(name, rows.width) });
         values.push(Input::Rows(rows));
     }
+
+    let has_image = columns.iter().any(|it| it.name == "image");
+    // Bonds are between ids.
+    let flags = sections::flags(&columns, options.wanted.as_ref());
+    let flags: Vec<bool> = columns.iter().zip(flags).map(|(it, flag)| flag || it.name == "id").collect();
+    let (columns, values) = (sections::flagged(columns, &flags), sections::flagged(values, &flags));
+    let words = sections::flagged(words, &flags);
 
     let cell = cell(&group, frame, step)?;
     let run = Run { count, positions: Input::Rows(rows), values };
     let middle = cell.map(|it| it.center());
     let mut gathered = columns::gather(tree, &columns, &[run], middle, tree.bytes(), progress)?;
-    for (place, names) in words {
-        spell_out(&mut gathered.attributes[place], &names);
+    for (attribute, names) in gathered.attributes.iter_mut().zip(words).filter(|it| !it.1.is_empty()) {
+        spell_out(attribute, &names);
     }
     gathered.cell = cell;
     gathered.time = time.or(step);
@@ -206,7 +211,7 @@ pub(super) fn frame(tree: &Tree, frame: usize, options: &Options, progress: &dyn
     let mut conventions = found.conventions();
     warnings.extend(found.warnings());
     gathered.bonds = found.bonds;
-    if columns.iter().any(|it| it.name == "image") {
+    if has_image {
         conventions.push("image: kept as an attribute, not applied to the positions".to_string());
     }
     if !others.is_empty() {

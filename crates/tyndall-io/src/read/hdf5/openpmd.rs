@@ -11,7 +11,7 @@ use super::attributes::Attributes;
 use super::columns::{self, Input, Run, Term};
 use super::tree::{Group, Tree};
 use crate::read::records;
-use crate::read::sections::Column;
+use crate::read::sections::{self, Column};
 use crate::read::snapshot;
 use crate::sequence::{Frame, Options};
 
@@ -135,6 +135,8 @@ pub(super) fn frame(tree: &Tree, number: usize, options: &Options, progress: &dy
             }
         }
     }
+    let flags = sections::flags(&columns, options.wanted.as_ref());
+    let columns = sections::flagged(columns, &flags);
     let runs = chosen.iter().map(|it| run(tree, &it.1, &columns)).collect::<Result<Vec<_>>>()?;
     let mut gathered = columns::gather(tree, &columns, &runs, None, tree.bytes(), progress)?;
     if all.len() > 1 {

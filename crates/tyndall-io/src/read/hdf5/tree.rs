@@ -4,7 +4,7 @@
 //! strongest filter could have made of the bytes of the file, and of those that its links led to. So a damaged extent asks for no memory.
 
 use std::collections::HashSet;
-use std::ops::Range;
+use std::ops::{Deref, Range};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 use std::sync::{Arc, OnceLock};
@@ -27,6 +27,9 @@ pub(super) const NATIVE: Order = if cfg!(target_endian = "big") { Order::Big } e
 
 /// How many bytes deflate, the strongest common filter, can make of one.
 const STRONGEST: u64 = 1032;
+
+/// Bytes of chunks that are kept: those that the rows of several threads share are unpacked once.
+const CACHE_BYTES: usize = 8 << 20;
 
 /// More numbers than this are no quantity of a particle.
 const MOST_WIDTH: u64 = 1 << 12;
@@ -63,6 +66,7 @@ impl Tree {
         let (linked_bytes, chunk_bytes) = (Arc::<AtomicU64>::default(), Arc::<AtomicU64>::default());
         let neighbors = Neighbors::of(path, Arc::clone(&linked_bytes), Arc::clone(&chunk_bytes));
         let options = OpenOptions::default()
+            .with_chunk_cache_bytes(CACHE_BYTES)
             .with_filter_registry(filters::registry(Arc::clone(&chunk_bytes)))
             .with_external_link_resolver(Arc::new(neighbors));
         let content = Arc::new(content::kept(path, bytes));
@@ -378,6 +382,29 @@ impl Data {
     }
 }
 
+/// Numbers in this machine's order of bytes.
+pub(super) struct Native(Box<dyn AsRef<[u8]> + Send>);
+
+impl Native {
+    pub(super) fn of<T: bytemuck::NoUninit + Send>(numbers: Vec<T>) -> Self {
+        struct Owned<T>(Vec<T>);
+        impl<T: bytemuck::NoUninit> AsRef<[u8]> for Owned<T> {
+            fn as_ref(&self) -> &[u8] {
+                bytemuck::cast_slice(&self.0)
+            }
+        }
+        Self(Box::new(Owned(numbers)))
+    }
+}
+
+impl Deref for Native {
+    type Target = [u8];
+
+    fn deref(&self) -> &[u8] {
+        (*self.0).as_ref()
+    }
+}
+
 /// The rows of a data set, a particle each.
 pub(super) struct Rows {
     dataset: Box<Dataset>,
@@ -402,16 +429,16 @@ impl Rows {
         &self.path
     }
 
-    /// Some of its rows: their numbers in this machine's order of bytes.
-    pub(super) fn read(&self, rows: Range<usize>) -> Result<Vec<u8>> {
+    /// Some of its rows.
+    pub(super) fn read(&self, rows: Range<usize>) -> Result<Native> {
         self.decode(rows).map_err(|error| fault(&self.file, &self.path, &error))
     }
 
-    fn decode(&self, rows: Range<usize>) -> std::result::Result<Vec<u8>, ReadError> {
+    fn decode(&self, rows: Range<usize>) -> std::result::Result<Native, ReadError> {
         let is_plain =
             matches!(self.dataset.dtype(), Datatype::FixedPoint { .. } | Datatype::FloatingPoint { .. });
         match self.kind {
-            _ if rows.is_empty() => Ok(Vec::new()),
+            _ if rows.is_empty() => Ok(Native::of(Vec::<u8>::new())),
             _ if !is_plain => self.cut(rows),
             Kind::F16 => self.cut(rows),
             Kind::I8 => self.slice::<i8>(rows),
@@ -427,26 +454,29 @@ impl Rows {
         }
     }
 
-    fn slice<T: hdf5_reader::H5Type + bytemuck::NoUninit>(
+    fn slice<T: hdf5_reader::H5Type + bytemuck::NoUninit + Send>(
         &self,
         rows: Range<usize>,
-    ) -> std::result::Result<Vec<u8>, ReadError> {
+    ) -> std::result::Result<Native, ReadError> {
         let mut selections: Vec<_> = self.lead.iter().map(|&index| SliceInfoElem::Index(index)).collect();
         selections.push(SliceInfoElem::Slice { start: rows.start as u64, end: rows.end as u64, step: 1 });
         let all = SliceInfoElem::Slice { start: 0, end: u64::MAX, step: 1 };
         selections.resize(self.dataset.ndim(), all);
         let array = self.dataset.read_slice::<T>(&SliceInfo { selections })?;
-        let bytes = match array.as_slice() {
-            Some(values) => bytemuck::cast_slice(values).to_vec(),
-            None => bytemuck::cast_slice(&array.iter().copied().collect::<Vec<T>>()).to_vec(),
-        };
-        if bytes.len() != rows.len() * self.width * self.kind.size() {
+        if array.len() != rows.len() * self.width {
             return Err(ReadError::InvalidData("a selection has another size than its rows".into()));
         }
-        Ok(bytes)
+        if !array.is_standard_layout() {
+            return Ok(Native::of(array.iter().copied().collect::<Vec<T>>()));
+        }
+        let count = array.len();
+        let (mut numbers, first) = array.into_raw_vec_and_offset();
+        numbers.drain(..first.unwrap_or(0));
+        numbers.truncate(count);
+        Ok(Native::of(numbers))
     }
 
-    fn cut(&self, rows: Range<usize>) -> std::result::Result<Vec<u8>, ReadError> {
+    fn cut(&self, rows: Range<usize>) -> std::result::Result<Native, ReadError> {
         let whole = match self.whole.get() {
             Some(whole) => whole,
             None => {
@@ -461,7 +491,7 @@ impl Rows {
         let first = lead as usize * self.count;
         let bytes = whole.get((first + rows.start) * row..(first + rows.end) * row);
         bytes
-            .map(<[u8]>::to_vec)
+            .map(|it| Native::of(it.to_vec()))
             .ok_or_else(|| ReadError::InvalidData("a data set is shorter than its extent".into()))
     }
 

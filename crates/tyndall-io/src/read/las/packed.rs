@@ -1,20 +1,25 @@
-//! Points that LASzip packed, unpacked one after the other by the crate laz.
+//! Points that LASzip packed, unpacked by the crate laz: one after the other, but chunks of them in any order.
 //!
 //! That crate asks for the memory that sizes in the file promise, so what it will read of them is checked before: the number of chunks in
 //! their table and, where a chunk has a layer for each quantity, the sizes of the layers. Source: M. Isenburg, "LASzip: lossless compression of
 //! LiDAR data", 2013; the layout of chunks as in LASzip 3.
 
+use std::borrow::Cow;
 use std::io::Cursor as Reader;
+use std::ops::Range;
 use std::path::Path;
 
-use laz::laszip::LazItemType;
-use laz::{DecompressionSelection, LasZipDecompressor, LazVlr};
+use laz::laszip::{ChunkTable, LazItemType};
+use laz::{DecompressionSelection, LasZipDecompressor, LazVlr, LazVlrBuilder};
 use tyndall::{Error, Result};
 
 use super::HINT;
 use crate::read::cursor::Cursor;
 use crate::read::guard::guarded;
 use crate::read::numbers::Order;
+
+/// Packed bytes of a chunk that is taken out of the file.
+const MOST_CHUNK: usize = 16 << 20;
 
 /// How the points are packed.
 pub(super) struct Packing {
@@ -58,36 +63,91 @@ fn layers(item: LazItemType) -> Option<usize> {
     }
 }
 
+/// Points that are packed without regard to those before them.
+pub(super) struct Chunk {
+    /// Their bytes in the file; `None` if nobody tells, so that all points are one chunk.
+    bytes: Option<Range<usize>>,
+    pub(super) points: usize,
+}
+
+impl Packing {
+    /// The chunks of `count` points that begin at byte `start` of a file, in order. Fails where the decoder would ask for memory that no
+    /// file of this size needs.
+    pub(super) fn chunks(&self, path: &Path, bytes: &[u8], start: usize, count: u64) -> Result<Vec<Chunk>> {
+        let chunks = match (self.chunked, self.layered) {
+            (_, true) => Some(layered_chunks(path, bytes, start, &self.vlr, count)?),
+            (true, false) => {
+                check_table(path, bytes, start, count)?;
+                self.chunks_of_table(bytes, start, count)
+            }
+            (false, false) => None,
+        };
+        // A few large ones are better unpacked where they lie.
+        let size = |it: &Chunk| it.bytes.as_ref().map_or(0, ExactSizeIterator::len);
+        let chunks = chunks.filter(|it| it.len() > 1 && it.iter().all(|it| size(it) <= MOST_CHUNK));
+        Ok(chunks.unwrap_or_else(|| vec![Chunk { bytes: None, points: count as usize }]))
+    }
+
+    /// The chunks that the table tells; `None` if it does not tell those of all points.
+    fn chunks_of_table(&self, bytes: &[u8], start: usize, count: u64) -> Option<Vec<Chunk>> {
+        let mut content = Reader::new(bytes);
+        content.set_position(start as u64);
+        let table = guarded(|| ChunkTable::read_from(&mut content, &self.vlr))?.ok()?;
+        let (mut place, mut left, mut chunks) = (content.position(), count, Vec::new());
+        for entry in table.as_ref() {
+            let points = if self.vlr.uses_variable_size_chunks() {
+                entry.point_count
+            } else {
+                entry.point_count.min(left)
+            };
+            let end = place.checked_add(entry.byte_count).filter(|&it| it <= bytes.len() as u64)?;
+            left = left.checked_sub(points).filter(|_| points > 0)?;
+            chunks.push(Chunk { bytes: Some(place as usize..end as usize), points: points as usize });
+            place = end;
+        }
+        (left == 0).then_some(chunks)
+    }
+
+    /// Begins to unpack a chunk of a file whose points begin at byte `start`. Of these quantities and the coordinates there are right numbers
+    /// when they are unpacked, of others only where they are not in layers of their own.
+    pub(super) fn open<'a>(
+        &self,
+        (path, bytes): (&'a Path, &'a [u8]),
+        start: usize,
+        chunk: &Chunk,
+        names: &[&str],
+    ) -> Result<Packed<'a>> {
+        let (content, vlr) = match &chunk.bytes {
+            None => {
+                let mut content = Reader::new(Cow::Borrowed(bytes));
+                content.set_position(start as u64);
+                (content, self.vlr.clone())
+            }
+            Some(range) => {
+                let items = LazVlrBuilder::new(self.vlr.items().clone());
+                let vlr = items.with_fixed_chunk_size(chunk.points.min(u32::MAX as usize - 1) as u32).build();
+                (Reader::new(Cow::Owned(alone(&bytes[range.clone()]))), vlr)
+            }
+        };
+        let made = guarded(|| LasZipDecompressor::selective(content, vlr, selection(names)));
+        let made = made.ok_or_else(|| fault(path, "the data are damaged".into()))?;
+        Ok(Packed { path, decompressor: made.map_err(|error| fault(path, error.to_string()))? })
+    }
+}
+
+/// A chunk as the only one of a file: where the table is, the chunk, and a table without chunks, of which the decoder needs none then.
+fn alone(chunk: &[u8]) -> Vec<u8> {
+    let table = 8 + chunk.len() as i64;
+    [&table.to_le_bytes(), chunk, &[0; 8]].concat()
+}
+
 /// The points that are still packed.
 pub(super) struct Packed<'a> {
     path: &'a Path,
-    decompressor: LasZipDecompressor<'a, Reader<&'a [u8]>>,
+    decompressor: LasZipDecompressor<'a, Reader<Cow<'a, [u8]>>>,
 }
 
-impl<'a> Packed<'a> {
-    /// `count` points that begin at byte `start` of a file. Of these quantities and the coordinates there are right numbers when they are
-    /// unpacked, of others only where they are not in layers of their own.
-    pub(super) fn new(
-        (path, bytes): (&'a Path, &'a [u8]),
-        start: usize,
-        packing: &Packing,
-        count: u64,
-        names: &[&str],
-    ) -> Result<Self> {
-        let vlr = &packing.vlr;
-        if packing.chunked {
-            check_table(path, bytes, start, count)?;
-        }
-        if packing.layered {
-            check_layers(path, bytes, start, vlr, count)?;
-        }
-        let mut content = Reader::new(bytes);
-        content.set_position(start as u64);
-        let made = guarded(|| LasZipDecompressor::selective(content, vlr.clone(), selection(names)));
-        let made = made.ok_or_else(|| fault(path, "the data are damaged".into()))?;
-        Ok(Self { path, decompressor: made.map_err(|error| fault(path, error.to_string()))? })
-    }
-
+impl Packed<'_> {
     /// Unpacks the next points.
     pub(super) fn unpack(&mut self, into: &mut [u8]) -> Result<()> {
         // The decoder asserts what damaged data may break.
@@ -144,20 +204,24 @@ fn check_table(path: &Path, bytes: &[u8], start: usize, count: u64) -> Result<()
     Ok(())
 }
 
-/// Fails if layers are larger than the file. A chunk is its first point, how many points it has, the sizes of its layers, the layers.
-fn check_layers(path: &Path, bytes: &[u8], start: usize, vlr: &LazVlr, count: u64) -> Result<()> {
+/// The chunks of points in layers; fails if layers are larger than the file. A chunk is its first point, how many points it has, the sizes
+/// of its layers, the layers.
+fn layered_chunks(path: &Path, bytes: &[u8], start: usize, vlr: &LazVlr, count: u64) -> Result<Vec<Chunk>> {
     let layers: usize = vlr.items().iter().filter_map(|it| layers(it.item_type())).sum();
     let mut cursor = Cursor::new(path, bytes, start, Order::Little, HINT);
     cursor.skip(8, "the place of the table of chunks")?;
-    let mut left = count;
+    let (mut left, mut chunks) = (count, Vec::new());
     while left > 0 {
+        let begin = cursor.place();
         cursor.skip(vlr.items_size(), "the first point of a chunk")?;
         let points: u32 = cursor.number("how many points a chunk has")?;
         let sizes = (0..layers).map(|_| cursor.number::<u32>("the size of a layer").map(u64::from));
         let sizes = sizes.collect::<Result<Vec<_>>>()?;
         cursor.skip(sizes.iter().sum(), "the layers of a chunk")?;
         let points = if vlr.uses_variable_size_chunks() { points } else { vlr.chunk_size() };
-        left = left.saturating_sub(points.max(1).into());
+        let points = u64::from(points.max(1)).min(left);
+        left -= points;
+        chunks.push(Chunk { bytes: Some(begin..cursor.place()), points: points as usize });
     }
-    Ok(())
+    Ok(chunks)
 }

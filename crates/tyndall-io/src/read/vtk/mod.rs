@@ -38,7 +38,7 @@ pub(crate) fn recognise(head: &[u8]) -> bool {
 }
 
 fn is_xml(head: &[u8]) -> bool {
-    let start = head.strip_prefix(b"\xef\xbb\xbf").unwrap_or(head).trim_ascii_start();
+    let start = head.trim_ascii_start();
     start.starts_with(b"<") && memchr::memmem::find(&head[..head.len().min(4096)], b"<VTKFile").is_some()
 }
 

@@ -17,7 +17,7 @@ pub(super) fn write(out: &mut dyn Out, snapshot: &Snapshot, place: &mut Place) -
         place.note("glTF has no place for cell and time: they are left out");
     }
     let origin = if snapshot.fits_f32() { tyndall::DVec3::ZERO } else { particles.positions().origin() };
-    let colors = snapshot.colors();
+    let colors = snapshot.linear_colors();
     let mut arrays = vec![("POSITION".to_string(), 3)];
     if colors.is_some() {
         arrays.push(("COLOR_0".to_string(), 3));
@@ -90,7 +90,7 @@ pub(super) fn write(out: &mut dyn Out, snapshot: &Snapshot, place: &mut Place) -
     })?;
     if let Some(colors) = &colors {
         rows::write_fixed(out, snapshot.len(), |bytes, id| {
-            colors(id).into_iter().for_each(|it| float(bytes, tyndall::srgb::linear_from_encoded(it)));
+            colors(id).into_iter().for_each(|it| float(bytes, it));
         })?;
     }
     for attribute in columns {

@@ -4,6 +4,7 @@ use std::collections::HashSet;
 
 use rayon::prelude::*;
 use tyndall::particles::{Attribute, Radii, View};
+use tyndall::srgb::linear_from_encoded;
 use tyndall::{DVec3, Error, Particles, Result};
 
 /// See the module.
@@ -82,6 +83,22 @@ impl<'a> Snapshot<'a> {
 
     /// The color of each particle, 0 to 1, sRGB or whatever the file has; none if it has none.
     pub(super) fn colors(&self) -> Option<impl Fn(usize) -> [f32; 3] + Sync + use<'a>> {
+        let (channels, full) = self.channels()?;
+        Some(move |id: usize| channels.map(|channel| value(channel, full, id)))
+    }
+
+    /// The same in linear light: numbers that are not whole are that already.
+    pub(super) fn linear_colors(&self) -> Option<impl Fn(usize) -> [f32; 3] + Sync + use<'a>> {
+        let (channels, full) = self.channels()?;
+        let linear = move |channel: Channel, id| match channel.0.values.is_discrete() {
+            true => linear_from_encoded(value(channel, full, id)),
+            false => value(channel, full, id),
+        };
+        Some(move |id: usize| channels.map(|channel| linear(channel, id)))
+    }
+
+    /// Where red, green and blue are, and the whole number that means all light: of 8 bits, or of 16 where there are larger ones.
+    fn channels(&self) -> Option<([Channel<'a>; 3], f32)> {
         let find = |name: &str, components: usize| {
             self.attributes
                 .iter()
@@ -98,13 +115,18 @@ impl<'a> Snapshot<'a> {
             Some([(vector, 0), (vector, 1), (vector, 2)])
         };
         let channels = three.or_else(one)?;
-        Some(move |id: usize| {
-            channels.map(|(attribute, component)| {
-                let value = attribute.number(id, component) as f32;
-                if attribute.values.is_discrete() { value / 255.0 } else { value }
-            })
-        })
+        let is_wide = |id| channels.iter().any(|it| it.0.number(id, it.1) > 255.0);
+        let full = if (0..self.len()).into_par_iter().any(is_wide) { 65535.0 } else { 255.0 };
+        Some((channels, full))
     }
+}
+
+/// A component of an attribute.
+type Channel<'a> = (&'a Attribute, usize);
+
+fn value((attribute, component): Channel, full: f32, id: usize) -> f32 {
+    let value = attribute.number(id, component) as f32;
+    if attribute.values.is_discrete() { value / full } else { value }
 }
 
 /// Names of columns that are all different.

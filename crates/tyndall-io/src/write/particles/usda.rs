@@ -40,10 +40,10 @@ pub(super) fn write(out: &mut dyn Out, snapshot: &Snapshot, place: &mut Place) -
             text::number(line, f64::from(2.0 * snapshot.radius(id).unwrap_or_default()));
         })?;
     }
-    let colors = snapshot.colors();
+    let colors = snapshot.linear_colors();
     if let Some(colors) = &colors {
         array(out, snapshot.len(), "color3f[] primvars:displayColor", &of_points(1), |line, id| {
-            tuple(line, colors(id).map(linear))
+            tuple(line, colors(id))
         })?;
     }
     let id = snapshot
@@ -150,9 +150,4 @@ fn primvar(attribute: &Attribute) -> String {
 fn identifier(name: &str) -> String {
     let name: String = name.chars().map(|it| if it.is_ascii_alphanumeric() { it } else { '_' }).collect();
     if name.starts_with(|it: char| it.is_ascii_alphabetic() || it == '_') { name } else { format!("_{name}") }
-}
-
-/// Display colors are linear.
-fn linear(value: f32) -> f32 {
-    tyndall::srgb::linear_from_encoded(value)
 }
