@@ -113,12 +113,12 @@ impl<'a> Drift<'a> {
                 (Some(advection), "noise goes with the particles, by id".to_string())
             }
             How::Velocities(name) => {
+                let velocities = velocities(particles, "--noise-motion", &name)?;
                 let Some(time) = self.frame_time()? else {
                     let allowed =
                         "the time between frames, in the unit of the velocities: the frames tell none";
                     return Err(Error::setting("--noise-frame-time", "nothing", allowed).into());
                 };
-                let velocities = velocities(particles, "--noise-motion", &name)?;
                 let ages = phases.map(|phase| ((frame - phase.rest) as f64 * time) as f32);
                 let advection = Advection::by_velocities(positions, spacing, phases, &velocities, ages)?;
                 (Some(advection), "noise goes with the particles, by velocity".to_string())
@@ -130,7 +130,11 @@ impl<'a> Drift<'a> {
     fn decide(&mut self, particles: &Particles) -> Outcome<How> {
         Ok(match &self.job.args.medium.noise_motion {
             NoiseMotion::None => How::Stands,
-            NoiseMotion::Ids(name) => How::Ids(name.clone()),
+            NoiseMotion::Ids(name) => {
+                // Ids that are not there are told of the first frame, in which nothing has moved yet.
+                Rest::new(particles, name.as_deref())?;
+                How::Ids(name.clone())
+            }
             NoiseMotion::Velocities(name) => How::Velocities(name.as_deref().unwrap_or(VELOCITY).to_string()),
             NoiseMotion::Auto if have_ids(particles) => How::Ids(None),
             NoiseMotion::Auto => {
