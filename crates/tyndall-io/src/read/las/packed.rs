@@ -74,12 +74,12 @@ impl Packing {
     /// The chunks of `count` points that begin at byte `start` of a file, in order. Fails where the decoder would ask for memory that no
     /// file of this size needs.
     pub(super) fn chunks(&self, path: &Path, bytes: &[u8], start: usize, count: u64) -> Result<Vec<Chunk>> {
+        if self.chunked {
+            check_table(path, bytes, start, count)?;
+        }
         let chunks = match (self.chunked, self.layered) {
             (_, true) => Some(layered_chunks(path, bytes, start, &self.vlr, count)?),
-            (true, false) => {
-                check_table(path, bytes, start, count)?;
-                self.chunks_of_table(bytes, start, count)
-            }
+            (true, false) => self.chunks_of_table(bytes, start, count),
             (false, false) => None,
         };
         // A few large ones are better unpacked where they lie.
