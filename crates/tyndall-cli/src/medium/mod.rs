@@ -8,21 +8,20 @@ mod bodies;
 mod drift;
 pub(crate) mod emission;
 pub(crate) mod estimate;
+mod frames;
 pub(crate) mod looks;
 pub(crate) mod parted;
 mod picture;
 mod statistics;
 pub(crate) mod values;
 
-use std::io::Write;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::time::Instant;
 
 use clap::ValueEnum;
 use tyndall::medium::density::{self, Resolution, Volume};
 use tyndall::medium::grid::{Lattice, MOST_LEVELS};
 use tyndall::medium::light::{Directional, Environment};
-use tyndall::medium::noise::advection::Advection;
 use tyndall::medium::{Emission, Grid, Light, Medium, Noise, NoiseSettings, Optics, Phase, automatic};
 use tyndall::particles::{Particles, Radii};
 use tyndall::render::medium::{cache, march};
@@ -31,10 +30,9 @@ use tyndall::scene::camera::{Camera, View};
 use tyndall::scene::outline::Outline;
 use tyndall::scene::short;
 use tyndall::structure::Spheres;
-use tyndall::{Cell, DVec3, Error, Source as _, Vec3};
-use tyndall_io::annotation::Behind;
-use tyndall_io::read::{self, Described};
-use tyndall_io::{Parts, Sequence, vdb, write};
+use tyndall::{DVec3, Error, Vec3};
+use tyndall_io::read;
+use tyndall_io::{Parts, vdb};
 
 use self::args::{CacheName, MethodName, NoiseKindName, OpticsName};
 use self::emission::{EmissionSpec, Source, Values};
@@ -43,17 +41,12 @@ use crate::args::{Picture, Render};
 use crate::device::Goal;
 use crate::layers::{self, Layer};
 use crate::looks::LightLook;
-use crate::names::Numbers;
-use crate::output::{Output, Pattern};
 use crate::render::MOST_SAMPLES;
 use crate::report::{Failure, Outcome, Report, counted, seconds};
-use crate::shot::Taken;
 use crate::sources::{self, Sources};
 use crate::values::Background;
-use crate::{ahead, annotate, dry_run, input, metadata, plan, progress, render, selection, wanted};
+use crate::{dry_run, render};
 use bodies::Bodies;
-use drift::Drift;
-use picture::Renderer;
 use values::{NoiseMotion, Rgb};
 
 /// Whether files are grids of OpenVDB, as the first of them is.
@@ -100,19 +93,6 @@ struct Scene {
     layers: Vec<sources::Kept>,
     /// What was chosen, piece by piece.
     guesses: Vec<String>,
-}
-
-/// What is known of a frame beside its medium.
-struct Facts<'a> {
-    frame: usize,
-    /// With its unit.
-    time: (Option<f64>, Option<&'a str>),
-    length_unit: Option<&'a str>,
-    cell: Option<Cell>,
-    metadata: &'a [(String, String)],
-    bodies: Option<&'a Bodies>,
-    /// How the noise has gone with the particles.
-    advection: Option<Advection>,
 }
 
 /// What is in a frame beside the density.
@@ -207,225 +187,6 @@ impl Job<'_> {
         if noise.is_none() && matches!(motion, NoiseMotion::Ids(_) | NoiseMotion::Velocities(_)) {
             let text = "--noise-motion moves noise, of which there is none — give --noise or --density-noise, or leave it out";
             return Err(Failure::Usage(text.into()));
-        }
-        Ok(())
-    }
-
-    /// Renders the density of particles.
-    fn run(&self) -> Outcome<()> {
-        self.check()?;
-        let mut output = Output::new(self.args, self.report)?;
-        let pattern = Pattern::new(&self.args.picture.output);
-        let mut wanted = wanted::of_density(&self.args.medium.density, &self.args.selection);
-        self.emission_spec().want(&mut wanted);
-        Drift::want(&self.args.medium, &mut wanted);
-        let sequence = input::open(&self.args.input, Some(wanted), self.report)?;
-        let mut drift = Drift::new(self, &sequence)?;
-        let count = self.frames(sequence.len())?;
-        let pictures =
-            plan::pictures(self.args, &pattern, &Numbers::of(&self.args.input, count), self.report)?;
-        if self.args.method.dry_run {
-            let number = pictures[0].frame.min(sequence.len() - 1);
-            let parts = self.parts(&sequence, number)?;
-            let (particles, _) = match &parts {
-                Some(parts) => (parts.sample(self.report.progress())?, None),
-                None => {
-                    let frame = input::read(&sequence, number, &self.args.input, self.report)?;
-                    selection::keep(&self.args.selection, frame.particles)?
-                }
-            };
-            let (particles, emitting) = self.emission_spec().prepare(particles)?;
-            let settings = self.density_settings(emitting);
-            let (lattice, bytes) = match &parts {
-                Some(parts) => parted::plan(parts, &settings, self.report)?,
-                None => density::plan(&particles, &settings, self.report.progress())?,
-            };
-            let secs = estimate::density_seconds(&settings, &lattice, rayon::current_num_threads());
-            let count = parts.as_ref().map_or(particles.len(), |it| it.len() as usize);
-            self.report.note(format_args!("tyndall: {} · {}", sequence.format(), counted(count, "particle")));
-            return self.dry_run(&lattice, bytes, secs, pictures.len());
-        }
-        let statistics = self.args.medium.statistics.as_deref().map(Pattern::new);
-        let several = pictures.iter().any(|it| it.frame != pictures[0].frame);
-        if several && statistics.as_ref().is_some_and(|it| !it.is_numbered()) {
-            let text = "--statistics of several frames needs a number in the name, such as NAME.%04d.json";
-            return Err(Failure::Usage(text.into()));
-        }
-        let skips = self.args.frames.skip_existing;
-        let mut frames = plan::frames_to_read(&pictures, skips);
-        let own = |number: usize| number.min(sequence.len() - 1);
-        frames.iter_mut().for_each(|number| *number = own(*number));
-        let done = ahead::reading(&sequence, &frames, self.args.method.memory, |ahead| {
-            plan::each_frame(
-                &pictures,
-                skips,
-                self.report,
-                |number, wanted, kept: &mut Option<Scene>, written| {
-                    let own = own(number);
-                    let parts = self.parts(&sequence, own)?.map(|parts| match kept.as_ref() {
-                        Some(scene) => parts.measured_from(scene.origin),
-                        None => parts,
-                    });
-                    let (particles, share) = match &parts {
-                        Some(parts) => (parts.sample(self.report.progress())?, Some("read in parts".into())),
-                        None => {
-                            let frame =
-                                input::read_ahead((&sequence, ahead), own, &self.args.input, self.report)?;
-                            selection::keep(&self.args.selection, frame.particles)?
-                        }
-                    };
-                    let count = parts.as_ref().map_or(particles.len(), |it| it.len() as usize);
-                    let particles = match kept.as_ref() {
-                        Some(scene) => particles.measured_from(scene.origin),
-                        None => particles,
-                    };
-                    let (particles, emitting) = self.emission_spec().prepare(particles)?;
-                    let mut density = self.density((&particles, parts.as_ref()), emitting, kept.as_ref())?;
-                    if let Some(statistics) = &statistics {
-                        let settings = self.density_settings(None);
-                        let text = statistics::json((&particles, count), &settings, &density);
-                        let path = statistics.name(number);
-                        write::atomically(&path, |file| file.write_all(text.as_bytes()))
-                            .map_err(Failure::Output)?;
-                    }
-                    let mut guesses = self.described(count, &density);
-                    guesses.extend(share);
-                    let values = density.fields.pop().map(Values::Means);
-                    let bodies = self.bodies(number, particles.positions().origin(), kept.as_ref())?;
-                    let length = density.length;
-                    let content = Content { particles: Some(&particles), length, bodies: bodies.as_ref() };
-                    let (medium, scene) = self.scene((density.density, values), content, kept.as_ref())?;
-                    guesses.extend(scene.guesses.clone());
-                    let (advection, text) = drift.advection(own, &particles, &scene)?.unzip();
-                    guesses.extend(text);
-                    if kept.is_none() {
-                        self.report.note(format_args!("tyndall: {}", guesses.join(" · ")));
-                    }
-                    let time = particles.time();
-                    let metadata = metadata::of_frame(
-                        self.args,
-                        &sequence,
-                        own,
-                        time,
-                        &self.spheres_settings(),
-                        &guesses,
-                    );
-                    let facts = Facts {
-                        frame: number,
-                        time: (time, particles.time_unit()),
-                        length_unit: particles.length_unit(),
-                        cell: particles.cell().copied(),
-                        metadata: &metadata,
-                        bodies: bodies.as_ref(),
-                        advection: advection.flatten(),
-                    };
-                    self.pictures(&medium, kept.insert(scene), wanted, &facts, (&mut output, written))
-                },
-            )
-        });
-        output.finish(done)
-    }
-
-    /// Renders densities from files; `load` gives the name and the density of a frame of `count`, or another array of the same file.
-    fn run_grids<'a>(
-        &self,
-        count: usize,
-        load: impl Fn(usize, Option<&str>) -> (&'a Path, Outcome<Described>),
-    ) -> Outcome<()> {
-        self.check()?;
-        let mut output = Output::new(self.args, self.report)?;
-        let pattern = Pattern::new(&self.args.picture.output);
-        let (own, count) = (count, self.frames(count)?);
-        let pictures =
-            plan::pictures(self.args, &pattern, &Numbers::of(&self.args.input, count), self.report)?;
-        if matches!(self.args.medium.noise_motion, NoiseMotion::Ids(_) | NoiseMotion::Velocities(_)) {
-            let text = "--noise-motion by ids or velocities is for particles, not for a grid — leave it out";
-            return Err(Failure::Usage(text.into()));
-        }
-        if self.args.medium.statistics.is_some() {
-            return Err(Failure::Usage("--statistics is for particles, not for a grid".into()));
-        }
-        if !self.args.selection.is_empty() {
-            let text = "--filter, --select and --clip are for particles, not for a grid — leave them out";
-            return Err(Failure::Usage(text.into()));
-        }
-        if self.args.method.dry_run {
-            let density = load(pictures[0].frame, None).1?.grid;
-            return self.dry_run(&density.lattice(), 0, 0.0, pictures.len());
-        }
-        let skips = self.args.frames.skip_existing;
-        let done = plan::each_frame(&pictures, skips, self.report, |number, wanted, kept, written| {
-            let own = number.min(own - 1);
-            let (path, density) = load(own, None);
-            let Described { grid, conventions } = density?;
-            let spec = self.emission_spec();
-            let values = spec.grid().map(|array| load(own, Some(array)).1).transpose()?;
-            let values = values.map(|it| Values::Own(it.grid));
-            let bodies = self.bodies(number, DVec3::ZERO, kept.as_ref())?;
-            let content = Content { particles: None, length: None, bodies: bodies.as_ref() };
-            let (medium, scene) = self.scene((grid, values), content, kept.as_ref())?;
-            let mut guesses = vec![format!("medium, cpu {} threads", rayon::current_num_threads())];
-            guesses.extend(conventions);
-            guesses.extend(scene.guesses.clone());
-            if kept.is_none() {
-                self.report.note(format_args!("tyndall: {}", guesses.join(" · ")));
-            }
-            let metadata = metadata::of_grid(self.args, path, &self.spheres_settings(), &guesses);
-            let facts = Facts {
-                frame: number,
-                time: (None, None),
-                length_unit: None,
-                cell: None,
-                metadata: &metadata,
-                bodies: bodies.as_ref(),
-                advection: None,
-            };
-            self.pictures(&medium, kept.insert(scene), wanted, &facts, (&mut output, written))
-        });
-        output.finish(done)
-    }
-
-    /// Lights the medium and makes pictures of it, if any are wanted.
-    fn pictures(
-        &self,
-        medium: &Medium,
-        scene: &Scene,
-        pictures: &[&plan::Picture],
-        facts: &Facts,
-        (output, written): (&mut Output, &mut usize),
-    ) -> Outcome<()> {
-        if pictures.is_empty() {
-            return Ok(());
-        }
-        let start = Instant::now();
-        let renderer = Renderer::new(self, medium, scene, (facts.bodies, facts.advection.as_ref()))?;
-        for (place, picture) in pictures.iter().enumerate() {
-            let marching = Instant::now();
-            let viewpoint = render::viewpoint(self.args)?;
-            let camera = picture.camera(self.args, &viewpoint, (&scene.camera, &scene.outline))?;
-            let options = self.args.picture.options(metadata::of_picture(facts.metadata.to_vec(), picture));
-            let since = if place == 0 { start } else { marching };
-            let shown = annotate::Shown {
-                behind: match self.background() {
-                    Background::Nothing => Behind::Nothing,
-                    Background::Color(color) => Behind::Color(color),
-                    Background::Sky => Behind::Picture,
-                },
-                colors: (None, "of light"),
-                frame: facts.frame,
-                time: facts.time,
-                length_unit: facts.length_unit,
-                cell: facts.cell,
-            };
-            output.check(&shown, &camera)?;
-            let (image, channels) = renderer.picture(&self.view(&camera, scene.origin)?)?;
-            let frame = self.args.picture.frame();
-            let taken = Taken::one(annotate::Seen { image, channels, camera, frame });
-            output.write(&picture.path, (taken, options), &shown, || since.elapsed())?;
-            *written += 1;
-            if progress::stopped() {
-                return Err(Error::Interrupted.into());
-            }
         }
         Ok(())
     }
@@ -541,11 +302,6 @@ impl Job<'_> {
     fn density_settings(&self, field: Option<String>) -> density::Settings {
         let settings = self.args.medium.density.settings(self.memory_bytes());
         density::Settings { fields: field.into_iter().collect(), ..settings }
-    }
-
-    /// The frame as parts, if it has to be read in parts and can be.
-    fn parts(&self, sequence: &Sequence, number: usize) -> Outcome<Option<Parts>> {
-        parted::parts(sequence, number, (&self.args.input, &self.args.selection), self.args.method.memory)
     }
 
     /// From particles to their density, and a field beside it; after the first frame as there.

@@ -1,0 +1,276 @@
+//! Frame after frame: particles or grids are read, become a medium with its light, and pictures of it are written.
+
+use std::io::Write;
+use std::path::Path;
+use std::time::Instant;
+
+use tyndall::medium::noise::advection::Advection;
+use tyndall::medium::{Medium, density};
+use tyndall::particles::Particles;
+use tyndall::{Cell, DVec3, Error, Source as _};
+use tyndall_io::annotation::Behind;
+use tyndall_io::read::Described;
+use tyndall_io::{Frame, Parts, Sequence, write};
+
+use super::bodies::Bodies;
+use super::drift::Drift;
+use super::emission::Values;
+use super::picture::Renderer;
+use super::values::NoiseMotion;
+use super::{Content, Job, Scene, estimate, parted, statistics};
+use crate::names::Numbers;
+use crate::output::{Output, Pattern};
+use crate::report::{Failure, Outcome, counted};
+use crate::shot::Taken;
+use crate::values::Background;
+use crate::{ahead, annotate, input, metadata, plan, progress, render, selection, wanted};
+
+/// What is known of a frame beside its medium.
+struct Facts<'a> {
+    frame: usize,
+    /// With its unit.
+    time: (Option<f64>, Option<&'a str>),
+    length_unit: Option<&'a str>,
+    cell: Option<Cell>,
+    metadata: &'a [(String, String)],
+    bodies: Option<&'a Bodies>,
+    /// How the noise has gone with the particles.
+    advection: Option<Advection>,
+}
+
+/// Particles of a frame.
+struct Selected {
+    /// All of them, if they are read in parts.
+    parts: Option<Parts>,
+    /// All, or a sample of the parts.
+    particles: Particles,
+    /// The name of the attribute that emits, if one does.
+    emitting: Option<String>,
+    count: usize,
+    /// What share of the frame they are, if not all.
+    share: Option<String>,
+}
+
+impl Job<'_> {
+    /// Renders the density of particles.
+    pub(super) fn run(&self) -> Outcome<()> {
+        self.check()?;
+        let mut output = Output::new(self.args, self.report)?;
+        let pattern = Pattern::new(&self.args.picture.output);
+        let mut wanted = wanted::of_density(&self.args.medium.density, &self.args.selection);
+        self.emission_spec().want(&mut wanted);
+        Drift::want(&self.args.medium, &mut wanted);
+        let sequence = input::open(&self.args.input, Some(wanted), self.report)?;
+        let mut drift = Drift::new(self, &sequence)?;
+        let count = self.frames(sequence.len())?;
+        let pictures =
+            plan::pictures(self.args, &pattern, &Numbers::of(&self.args.input, count), self.report)?;
+        if self.args.method.dry_run {
+            return self.dry_run_of_particles(&sequence, &pictures);
+        }
+        let statistics = self.args.medium.statistics.as_deref().map(Pattern::new);
+        let several = pictures.iter().any(|it| it.frame != pictures[0].frame);
+        if several && statistics.as_ref().is_some_and(|it| !it.is_numbered()) {
+            let text = "--statistics of several frames needs a number in the name, such as NAME.%04d.json";
+            return Err(Failure::Usage(text.into()));
+        }
+        let skips = self.args.frames.skip_existing;
+        let mut frames = plan::frames_to_read(&pictures, skips);
+        let own = |number: usize| number.min(sequence.len() - 1);
+        frames.iter_mut().for_each(|number| *number = own(*number));
+        let done = ahead::reading(&sequence, &frames, self.args.method.memory, |ahead| {
+            plan::each_frame(
+                &pictures,
+                skips,
+                self.report,
+                |number, wanted, kept: &mut Option<Scene>, written| {
+                    let own = own(number);
+                    let read = || input::read_ahead((&sequence, ahead), own, &self.args.input, self.report);
+                    let selected = self.selected(&sequence, own, kept.as_ref(), read)?;
+                    let Selected { parts, particles, emitting, count, share } = selected;
+                    let mut density = self.density((&particles, parts.as_ref()), emitting, kept.as_ref())?;
+                    if let Some(statistics) = &statistics {
+                        let settings = self.density_settings(None);
+                        let text = statistics::json((&particles, count), &settings, &density);
+                        let path = statistics.name(number);
+                        write::atomically(&path, |file| file.write_all(text.as_bytes()))
+                            .map_err(Failure::Output)?;
+                    }
+                    let mut guesses = self.described(count, &density);
+                    guesses.extend(share);
+                    let values = density.fields.pop().map(Values::Means);
+                    let bodies = self.bodies(number, particles.positions().origin(), kept.as_ref())?;
+                    let length = density.length;
+                    let content = Content { particles: Some(&particles), length, bodies: bodies.as_ref() };
+                    let (medium, scene) = self.scene((density.density, values), content, kept.as_ref())?;
+                    guesses.extend(scene.guesses.clone());
+                    let (advection, text) = drift.advection(own, &particles, &scene)?.unzip();
+                    guesses.extend(text);
+                    if kept.is_none() {
+                        self.report.note(format_args!("tyndall: {}", guesses.join(" · ")));
+                    }
+                    let (time, settings) = (particles.time(), self.spheres_settings());
+                    let metadata = metadata::of_frame(self.args, &sequence, own, time, &settings, &guesses);
+                    let facts = Facts {
+                        frame: number,
+                        time: (time, particles.time_unit()),
+                        length_unit: particles.length_unit(),
+                        cell: particles.cell().copied(),
+                        metadata: &metadata,
+                        bodies: bodies.as_ref(),
+                        advection: advection.flatten(),
+                    };
+                    self.pictures(&medium, kept.insert(scene), wanted, &facts, (&mut output, written))
+                },
+            )
+        });
+        output.finish(done)
+    }
+
+    /// Says what the pictures of particles would take.
+    fn dry_run_of_particles(&self, sequence: &Sequence, pictures: &[plan::Picture]) -> Outcome<()> {
+        let number = pictures[0].frame.min(sequence.len() - 1);
+        let read = || input::read(sequence, number, &self.args.input, self.report);
+        let Selected { parts, particles, emitting, count, .. } =
+            self.selected(sequence, number, None, read)?;
+        let settings = self.density_settings(emitting);
+        let (lattice, bytes) = match &parts {
+            Some(parts) => parted::plan(parts, &settings, self.report)?,
+            None => density::plan(&particles, &settings, self.report.progress())?,
+        };
+        let secs = estimate::density_seconds(&settings, &lattice, rayon::current_num_threads());
+        self.report.note(format_args!("tyndall: {} · {}", sequence.format(), counted(count, "particle")));
+        self.dry_run(&lattice, bytes, secs, pictures.len())
+    }
+
+    /// The particles of a frame, as `read` finds them unless it has to be read in parts and can be; after the first frame measured as there.
+    fn selected(
+        &self,
+        sequence: &Sequence,
+        number: usize,
+        kept: Option<&Scene>,
+        read: impl FnOnce() -> Outcome<Frame>,
+    ) -> Outcome<Selected> {
+        let asked = (&self.args.input, &self.args.selection);
+        let parts = parted::parts(sequence, number, asked, self.args.method.memory)?;
+        let parts = match kept {
+            Some(scene) => parts.map(|it| it.measured_from(scene.origin)),
+            None => parts,
+        };
+        let (particles, share) = match &parts {
+            Some(parts) => (parts.sample(self.report.progress())?, Some("read in parts".into())),
+            None => selection::keep(&self.args.selection, read()?.particles)?,
+        };
+        let count = parts.as_ref().map_or(particles.len(), |it| it.len() as usize);
+        let particles = match kept {
+            Some(scene) => particles.measured_from(scene.origin),
+            None => particles,
+        };
+        let (particles, emitting) = self.emission_spec().prepare(particles)?;
+        Ok(Selected { parts, particles, emitting, count, share })
+    }
+
+    /// Renders densities from files; `load` gives the name and the density of a frame of `count`, or another array of the same file.
+    pub(super) fn run_grids<'a>(
+        &self,
+        count: usize,
+        load: impl Fn(usize, Option<&str>) -> (&'a Path, Outcome<Described>),
+    ) -> Outcome<()> {
+        self.check()?;
+        let mut output = Output::new(self.args, self.report)?;
+        let pattern = Pattern::new(&self.args.picture.output);
+        let (own, count) = (count, self.frames(count)?);
+        let pictures =
+            plan::pictures(self.args, &pattern, &Numbers::of(&self.args.input, count), self.report)?;
+        if matches!(self.args.medium.noise_motion, NoiseMotion::Ids(_) | NoiseMotion::Velocities(_)) {
+            let text = "--noise-motion by ids or velocities is for particles, not for a grid — leave it out";
+            return Err(Failure::Usage(text.into()));
+        }
+        if self.args.medium.statistics.is_some() {
+            return Err(Failure::Usage("--statistics is for particles, not for a grid".into()));
+        }
+        if !self.args.selection.is_empty() {
+            let text = "--filter, --select and --clip are for particles, not for a grid — leave them out";
+            return Err(Failure::Usage(text.into()));
+        }
+        if self.args.method.dry_run {
+            let density = load(pictures[0].frame, None).1?.grid;
+            return self.dry_run(&density.lattice(), 0, 0.0, pictures.len());
+        }
+        let skips = self.args.frames.skip_existing;
+        let done = plan::each_frame(&pictures, skips, self.report, |number, wanted, kept, written| {
+            let own = number.min(own - 1);
+            let (path, density) = load(own, None);
+            let Described { grid, conventions } = density?;
+            let spec = self.emission_spec();
+            let values = spec.grid().map(|array| load(own, Some(array)).1).transpose()?;
+            let values = values.map(|it| Values::Own(it.grid));
+            let bodies = self.bodies(number, DVec3::ZERO, kept.as_ref())?;
+            let content = Content { particles: None, length: None, bodies: bodies.as_ref() };
+            let (medium, scene) = self.scene((grid, values), content, kept.as_ref())?;
+            let mut guesses = vec![format!("medium, cpu {} threads", rayon::current_num_threads())];
+            guesses.extend(conventions);
+            guesses.extend(scene.guesses.clone());
+            if kept.is_none() {
+                self.report.note(format_args!("tyndall: {}", guesses.join(" · ")));
+            }
+            let metadata = metadata::of_grid(self.args, path, &self.spheres_settings(), &guesses);
+            let facts = Facts {
+                frame: number,
+                time: (None, None),
+                length_unit: None,
+                cell: None,
+                metadata: &metadata,
+                bodies: bodies.as_ref(),
+                advection: None,
+            };
+            self.pictures(&medium, kept.insert(scene), wanted, &facts, (&mut output, written))
+        });
+        output.finish(done)
+    }
+
+    /// Lights the medium and makes pictures of it, if any are wanted.
+    fn pictures(
+        &self,
+        medium: &Medium,
+        scene: &Scene,
+        pictures: &[&plan::Picture],
+        facts: &Facts,
+        (output, written): (&mut Output, &mut usize),
+    ) -> Outcome<()> {
+        if pictures.is_empty() {
+            return Ok(());
+        }
+        let start = Instant::now();
+        let renderer = Renderer::new(self, medium, scene, (facts.bodies, facts.advection.as_ref()))?;
+        for (place, picture) in pictures.iter().enumerate() {
+            let marching = Instant::now();
+            let viewpoint = render::viewpoint(self.args)?;
+            let camera = picture.camera(self.args, &viewpoint, (&scene.camera, &scene.outline))?;
+            let options = self.args.picture.options(metadata::of_picture(facts.metadata.to_vec(), picture));
+            let since = if place == 0 { start } else { marching };
+            let shown = annotate::Shown {
+                behind: match self.background() {
+                    Background::Nothing => Behind::Nothing,
+                    Background::Color(color) => Behind::Color(color),
+                    Background::Sky => Behind::Picture,
+                },
+                colors: (None, "of light"),
+                frame: facts.frame,
+                time: facts.time,
+                length_unit: facts.length_unit,
+                cell: facts.cell,
+            };
+            output.check(&shown, &camera)?;
+            let (image, channels) = renderer.picture(&self.view(&camera, scene.origin)?)?;
+            let frame = self.args.picture.frame();
+            let taken = Taken::one(annotate::Seen { image, channels, camera, frame });
+            output.write(&picture.path, (taken, options), &shown, || since.elapsed())?;
+            *written += 1;
+            if progress::stopped() {
+                return Err(Error::Interrupted.into());
+            }
+        }
+        Ok(())
+    }
+}
