@@ -171,6 +171,23 @@ impl Light {
         }
     }
 
+    /// Where it stands; `None` for distant ones.
+    pub fn position(&self) -> Option<Vec3> {
+        match self {
+            Self::Point(light) => Some(light.position),
+            Self::Spot(light) => Some(light.position),
+            Self::Directional(_) | Self::Environment(_) => None,
+        }
+    }
+
+    /// The directions into which it shines, in steradians, edge of a cone included.
+    pub(crate) fn solid_angle(&self) -> f32 {
+        match self {
+            Self::Spot(light) => TAU * (1.0 - light.dark),
+            Self::Directional(_) | Self::Point(_) | Self::Environment(_) => 4.0 * PI,
+        }
+    }
+
     /// Whether its light has the same color in all directions and everywhere.
     pub(crate) fn has_one_color(&self) -> bool {
         !matches!(self, Self::Environment(sky) if !sky.is_constant())

@@ -197,6 +197,22 @@ impl View {
         (self.forward * (level * ahead) + self.right * (level * right) + self.up * up).normalize()
     }
 
+    /// The area across the line of sight that a pixel covers at a place in front of the eye, square units of length.
+    pub(crate) fn pixel_area(&self, at: Vec3) -> f32 {
+        let offset = at - self.eye;
+        let square = offset.length_squared();
+        let shrunk = if self.panorama {
+            let up = offset.dot(self.up);
+            square * (1.0 - up * up / square).max(0.0).sqrt()
+        } else if self.perspective {
+            let ahead = offset.dot(self.forward);
+            ahead * ahead * ahead / square.sqrt()
+        } else {
+            1.0
+        };
+        self.pixel * self.pixel * shrunk
+    }
+
     /// Where in the picture a place is seen, in pixels from its upper left corner; none behind the eye.
     pub fn pixel_of(&self, at: Vec3) -> Option<[f32; 2]> {
         let offset = at - self.eye;
@@ -204,10 +220,10 @@ impl View {
         let [u, v] = if self.panorama {
             [right.atan2(ahead), up.atan2(ahead.hypot(right))]
         } else {
-            let scale = if self.perspective { ahead } else { 1.0 };
-            if scale <= 0.0 {
+            if ahead <= 0.0 {
                 return None;
             }
+            let scale = if self.perspective { ahead } else { 1.0 };
             [right / scale, up / scale]
         };
         Some([(u - self.left) / self.pixel, (self.top - v) / self.pixel])
@@ -287,6 +303,27 @@ mod tests {
         }
         let [x, y] = view.pixel_of(view.eye + 3.0 * view.ray(13.25, 31.5).direction).unwrap();
         assert!((x - 13.25).abs() < 1e-3 && (y - 31.5).abs() < 1e-3);
+    }
+
+    #[test]
+    fn a_pixel_covers_what_lies_between_the_rays_of_its_corners() {
+        for projection in [
+            Projection::Perspective { vertical_angle: 1.5 },
+            Projection::Orthographic { height: 3.0 },
+            Projection::Panorama,
+        ] {
+            let (eye, look_at) = (DVec3::new(1.0, 2.0, 3.0), DVec3::new(4.0, -1.0, 2.5));
+            let view = Camera { eye, look_at, up: DVec3::Z, projection }.view(DVec3::ZERO, 400, 200).unwrap();
+            for (x, y) in [(200.0, 100.0), (20.0, 30.0), (370.0, 180.0)] {
+                let at = |x, y| {
+                    let ray = view.ray(x, y);
+                    ray.origin + 7.0 * ray.direction
+                };
+                let [across, down] = [at(x + 1.0, y) - at(x - 1.0, y), at(x, y + 1.0) - at(x, y - 1.0)];
+                let (wanted, found) = (across.cross(down).length() / 4.0, view.pixel_area(at(x, y)));
+                assert!((found / wanted - 1.0).abs() < 2e-3, "{projection:?} {x} {y}: {found} for {wanted}");
+            }
+        }
     }
 
     #[test]

@@ -274,7 +274,8 @@ impl<'a> March<'a> {
                 Some(solids) if solids.block(ray, Some(surface.node)) => Vec3::ZERO,
                 _ => self.tracker.ratio_transmittance(ray, stream),
             };
-            radiance += throughput * self.lights.direct(surface.position, share, through, &mut stream);
+            radiance +=
+                throughput * self.lights.direct(surface.position, f32::INFINITY, share, through, &mut stream);
             let most = throughput.max_element();
             if most < ROULETTE {
                 if stream.unit() * ROULETTE >= most {

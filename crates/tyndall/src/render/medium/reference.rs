@@ -4,16 +4,20 @@
 //! exactly, so that what comes through has no noise, and first scatterings are drawn from the part that does not come through.
 //! From there null collisions find the next scattering; at each one, the lights without extent are looked at through an
 //! estimated transmittance, and an image of the sky both by its own and by the phase function's directions; what matter emits is
-//! added where a path meets it. There is no limit of orders: paths end by Russian roulette. Invariant: with a right free path and all orders the expected value of every pixel is its radiance;
-//! the same seed gives the same bits for any number of threads.
+//! added where a path meets it. Lamps in the medium are found by paths that start at them, too ([`lamps`]). There is no limit of
+//! orders: paths end by Russian roulette. Invariant: with a right free path and all orders the expected value of every pixel is its
+//! radiance; the same seed gives the same bits for any number of threads.
 //!
 //! Sources: J. Novak, I. Georgiev, J. Hanika, W. Jarosz, "Monte Carlo methods for volumetric light transport simulation",
 //! Eurographics STAR 2018; B. Miller, I. Georgiev, W. Jarosz, "A null-scattering path integral formulation of light transport",
 //! SIGGRAPH 2019.
 
+mod lamps;
+
 use glam::Vec3;
 use rayon::prelude::*;
 
+use self::lamps::Lamps;
 use super::film::{Film, Pixel, Sums};
 use super::free_path::{FreePath, Tracker};
 use super::lights::Lights;
@@ -49,6 +53,8 @@ pub struct Settings {
 pub struct Reference<'a> {
     tracker: Tracker<'a>,
     lights: Lights<'a>,
+    /// Those from which paths start.
+    lamps: Option<Lamps<'a>>,
     solids: Option<Solids<'a>>,
     view: View,
     settings: Settings,
@@ -69,9 +75,16 @@ impl<'a> Reference<'a> {
         if !(1..=65536).contains(&width) || !(1..=65536).contains(&height) {
             return Err(Error::setting("size", format!("{width}x{height}"), "1x1 to 65536x65536 pixels"));
         }
+        let lamps = match settings.free_path {
+            FreePath::Exact | FreePath::Delta => Lamps::new(lights, medium, width.saturating_mul(height)),
+            // All light is to be as wrong as it is along such paths.
+            FreePath::Homogeneous | FreePath::Scaled { .. } => None,
+        };
+        let paths = |light: &Light| lamps.as_ref().map_or(0.0, |lamps| lamps.per_steradian(light));
         Ok(Self {
             tracker: Tracker::new(medium),
-            lights: Lights::new(lights),
+            lights: Lights::with_paths(lights, paths),
+            lamps,
             solids: None,
             view,
             settings,
@@ -118,6 +131,9 @@ impl<'a> Reference<'a> {
             progress.advance(u64::from(added) * width as u64);
         });
         self.film.sums = sums;
+        for sample in first..first + added {
+            self.add_lamps(sample, progress);
+        }
         self.film.advance(added);
         if progress.cancelled() { Err(Error::Interrupted) } else { Ok(()) }
     }
@@ -194,6 +210,7 @@ impl<'a> Reference<'a> {
         let medium = self.tracker.medium();
         let optics = medium.optics();
         let (mut met, mut at, mut direction) = (met, ray.origin, ray.direction);
+        let seen = self.seen_paths(&met, at);
         let mut throughput = weight;
         let mut radiance = Vec3::ZERO;
         let mut random = random;
@@ -212,7 +229,7 @@ impl<'a> Reference<'a> {
                 Met::Surface(surface) => surface.color,
             };
             // Looks at the lights.
-            radiance += throughput * self.direct(&met, at, direction, stream);
+            radiance += throughput * self.direct(seen, &met, at, direction, stream);
             // Goes on in a direction of the phase function's or the surface's, unless the dice end the path.
             let most = throughput.max_element();
             if most < ROULETTE {
@@ -247,13 +264,17 @@ impl<'a> Reference<'a> {
     }
 
     /// Light that arrives at a point from the lights that can be looked at, times the share that goes against `direction`.
-    fn direct(&self, met: &Met, at: Vec3, direction: Vec3, stream: &mut Stream) -> Vec3 {
+    fn direct(&self, seen: f32, met: &Met, at: Vec3, direction: Vec3, stream: &mut Stream) -> Vec3 {
         let share = |toward: Vec3| met.share(self.tracker.medium(), direction, toward);
-        let through = |ray: &Ray, stream: &mut Stream| match self.solids {
+        self.lights.direct(at, seen, share, |ray, stream| self.arriving(ray, met, stream), stream)
+    }
+
+    /// How much comes along a shadow ray from what was met.
+    fn arriving(&self, ray: &Ray, met: &Met, stream: &mut Stream) -> Vec3 {
+        match self.solids {
             Some(solids) if solids.block(ray, met.node()) => Vec3::ZERO,
             _ => self.tracker.ratio_transmittance(ray, stream),
-        };
-        self.lights.direct(at, share, through, stream)
+        }
     }
 }
 

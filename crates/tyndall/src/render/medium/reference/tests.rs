@@ -5,8 +5,9 @@
 use std::f32::consts::PI;
 
 use super::*;
-use crate::medium::light::{Directional, Environment, Point};
+use crate::medium::light::{Cone, Directional, Environment, Point, Spot};
 use crate::medium::{Grid, Optics, Phase};
+use crate::render::medium::photons;
 use crate::scene::camera::{Camera, Projection};
 use glam::DVec3;
 
@@ -217,6 +218,42 @@ fn at_the_cloud() -> View {
         projection: Projection::Perspective { vertical_angle: 0.5 },
     };
     camera.view(DVec3::ZERO, 24, 16).unwrap()
+}
+
+#[test]
+fn lamps_light_what_photons_light() {
+    // The oracle: the eye looks at each scattering of each photon, and what it sees is shared out over the picture.
+    let Optics { albedo, phase, .. } = optics(0.9, 0.4);
+    let density = ball(20, 1.0, optics(0.9, 0.4)).density().clone();
+    let medium = Medium::new(density, Optics { extinction: [2.0, 1.5, 1.0], albedo, phase }).unwrap();
+    let cone = Cone { full: 0.4, dark: 0.9 };
+    let lights = [
+        Light::Point(Point::new(Vec3::new(0.3, 0.1, -0.2), [1.0, 2.0, 1.0]).unwrap()),
+        Light::Spot(Spot::new(Vec3::new(0.1, 1.1, 0.4), Vec3::NEG_Y, [3.0, 1.0, 1.0], cone).unwrap()),
+    ];
+    let (stored, free_path) = (photons::Stored::All, FreePath::Exact);
+    let knobs = photons::Settings { count: 60_000, seed: 3, free_path, stored, memory_bytes: None };
+    let photons = photons::trace(&medium, &lights, &knobs, &()).unwrap();
+    let tracker = Tracker::new(&medium);
+    // The whole ball is in the first picture; in the other the eye is next to it.
+    for (eye, angle) in [(5.0, 0.5), (1.8, 0.8)] {
+        let (eye, up) = (DVec3::new(0.2, 0.1, eye), DVec3::Y);
+        let projection = Projection::Perspective { vertical_angle: angle };
+        let view = Camera { eye, look_at: DVec3::ZERO, up, projection }.view(DVec3::ZERO, 24, 16).unwrap();
+        let mut wanted = Vec3::ZERO;
+        for photon in &photons.stored {
+            let inside = |[x, y]: [f32; 2]| (0.0..24.0).contains(&x) && (0.0..16.0).contains(&y);
+            if view.pixel_of(photon.position).is_some_and(inside) {
+                let (toward, t_max) = (-view.toward(photon.position), view.eye.distance(photon.position));
+                let ray = Ray { origin: photon.position, direction: toward, t_min: 0.0, t_max };
+                let share = phase.evaluate(photon.direction.dot(toward)) / view.pixel_area(photon.position);
+                wanted += photon.power * share * tracker.transmittance(&ray) / (24.0 * 16.0);
+            }
+        }
+        let pixels = render(&medium, &lights, view, settings(24, 16), 64);
+        let found = pixels.iter().map(|pixel| pixel.scattered).sum::<Vec3>() / pixels.len() as f32;
+        assert!((found / wanted - 1.0).abs().max_element() < 0.03, "{eye}: {found} for {wanted}");
+    }
 }
 
 #[test]
