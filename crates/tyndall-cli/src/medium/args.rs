@@ -82,7 +82,7 @@ pub(crate) struct Medium {
     /// How light that was scattered before is found: sweeps (without noise), photons, single (not at all), or off (no cache: brute force with photons)
     #[arg(long, value_name = "HOW", default_value = "sweeps")]
     pub(crate) cache: CacheName,
-    /// Distance of the cache's samples [default: that of the grid points]
+    /// Distance of the cache's samples [default: that of the closest grid points]
     #[arg(long, value_name = "LENGTH", value_parser = positive, allow_hyphen_values = true)]
     pub(crate) cache_voxel: Option<f32>,
     /// Photons to emit

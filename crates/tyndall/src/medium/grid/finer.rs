@@ -144,7 +144,7 @@ impl Grid {
     }
 
     /// The coarsest brick that touches a finer sample of a brick, if it is coarser than the brick.
-    fn coarsest(&self, brick: [u32; 3], level: u32, at: [usize; 3]) -> Option<[u32; 3]> {
+    pub(crate) fn coarsest(&self, brick: [u32; 3], level: u32, at: [usize; 3]) -> Option<[u32; 3]> {
         let end = Fine::along(level) - 1;
         if at.iter().all(|&it| it != 0 && it != end) {
             return None;
@@ -198,6 +198,12 @@ impl Grid {
             None => counts[0] = self.places.len(),
         }
         counts
+    }
+
+    /// The distance of the closest samples.
+    pub(crate) fn finest_spacing(&self) -> f32 {
+        let level = self.levels().iter().rposition(|&count| count > 0).unwrap_or(0);
+        self.lattice.spacing / (1 << level) as f32
     }
 
     /// How many parts are stored.

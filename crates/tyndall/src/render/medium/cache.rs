@@ -28,7 +28,7 @@ use crate::scene::camera::View;
 /// The knobs of the cache.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Settings {
-    /// Distance of the samples that hold the light of lights without extent; `None`: that of the density, or more where these
+    /// Distance of the samples that hold the light of lights without extent; `None`: that of the density's finest bricks, or more where these
     /// would be more than 4 million.
     pub spacing: Option<f32>,
     /// Distance of the samples that hold what is smooth: the light of the sky and that scattered before; `None`: twice the one
@@ -115,16 +115,6 @@ pub(super) enum Lit {
     /// Of one color.
     Grey(LitBricks<f32>, Hue),
     Colored(LitBricks<Vec3>),
-}
-
-impl Lit {
-    /// Whether no brick is parted into finer ones.
-    pub(super) fn is_even(&self) -> bool {
-        match self {
-            Self::Grey(bricks, _) => bricks.is_even(),
-            Self::Colored(bricks) => bricks.is_even(),
-        }
-    }
 }
 
 /// The color of all light.
@@ -236,7 +226,9 @@ impl Cache {
     /// All but the near lights at the samples of the density, as it is seen in a view, or from anywhere.
     fn lit(&self, medium: &Medium, view: Option<&View>) -> Lit {
         let grid = medium.density();
-        let seen = Seen { cache: self, medium, lattice: grid.lattice(), view };
+        let far = self.far.iter().map(|it| it.lattice.spacing);
+        let spacing = far.fold(self.lattice.spacing, f32::min);
+        let seen = Seen { cache: self, medium, lattice: grid.lattice(), spacing, view };
         match self.channels {
             Channels::One(channel, color) => Lit::Grey(LitBricks::new(grid, &seen), Hue { channel, color }),
             Channels::Three => Lit::Colored(LitBricks::new(grid, &seen)),
@@ -345,19 +337,22 @@ struct Seen<'a> {
     cache: &'a Cache,
     medium: &'a Medium,
     lattice: Lattice,
+    /// The least distance of samples that hold light.
+    spacing: f32,
     view: Option<&'a View>,
 }
 
 impl<L: Spectrum> Lights<L> for Seen<'_> {
     #[inline(always)]
-    fn row(&self, first: [u32; 3], row: &mut [L; EDGE]) {
+    fn row(&self, first: [u32; 3], along: u32, row: &mut [L; EDGE]) {
         let Cache { albedo, phase, channels, order, .. } = *self.cache;
-        let Lattice { spacing, .. } = self.lattice;
-        let start = self.lattice.position(first);
+        let spacing = self.lattice.spacing / along as f32;
+        let lattice = Lattice { spacing, ..self.lattice };
+        let start = lattice.position(first);
         // Loops, not maps: what is done in closures of arrays leaves the instruction set.
         let (mut at, mut directions) = ([Vec3::ZERO; EDGE], [Vec3::Z; EDGE]);
         for place in 0..EDGE {
-            at[place] = self.lattice.position([first[0] + place as u32, first[1], first[2]]);
+            at[place] = lattice.position([first[0] + place as u32, first[1], first[2]]);
             // What is the same from everywhere may be seen from anywhere.
             if let Some(view) = self.view {
                 directions[place] = view.toward(at[place]);
@@ -402,11 +397,19 @@ impl<L: Spectrum> Lights<L> for Seen<'_> {
         for (place, (light, sum)) in row.iter_mut().zip(sums).enumerate() {
             let mut sum = albedo * sum;
             if let Some(emission) = self.medium.emission() {
-                let [i, j, k] = self.lattice.size.map(|count| count - 1);
-                let at = [i.min(first[0] + place as u32), j.min(first[1]), k.min(first[2])];
-                sum += share * emission.sample(at);
+                let [i, j, k] = self.lattice.size.map(|count| (count - 1) * along);
+                let within = [i.min(first[0] + place as u32), j.min(first[1]), k.min(first[2])];
+                sum += share
+                    * match along {
+                        1 => emission.sample(within),
+                        _ => emission.radiance(lattice.position(within)),
+                    };
             }
             *light = L::of(sum, channel);
         }
+    }
+
+    fn spacing(&self) -> f32 {
+        self.spacing
     }
 }

@@ -7,7 +7,7 @@ use glam::{IVec3, UVec3, Vec3};
 use rayon::prelude::*;
 
 use crate::medium::Grid;
-use crate::medium::grid::Lattice;
+use crate::medium::grid::{BRICK, Lattice};
 use crate::pages;
 
 /// Samples of a field beyond those of the grid, on each side.
@@ -53,6 +53,9 @@ impl Field {
     pub(super) fn density(grid: &Grid, lattice: Lattice) -> Self {
         let row = |j: u32, k: u32, row: &mut [f32]| grid.row([j, k], row);
         if lattice.spacing < 0.999 * grid.spacing() {
+            if !grid.is_even() {
+                return Self::averaged(grid, lattice, |at| grid.density(at));
+            }
             // Tents narrower than the grid's cells would leave gaps.
             let fine = anchored(grid, grid.spacing(), grid.origin());
             return resample(grid.lattice(), fine, row).interpolated(lattice);
@@ -71,10 +74,45 @@ impl Field {
             }
         };
         if lattice.spacing < 0.999 * grid.spacing() {
+            if !grid.is_even() {
+                return Self::averaged(grid, lattice, |at| match grid.density(at) {
+                    0.0 => 0.0,
+                    density => density * other.density(at),
+                });
+            }
             let fine = anchored(grid, grid.spacing(), grid.origin());
             return resample(grid.lattice(), fine, row).interpolated(lattice);
         }
         resample(grid.lattice(), lattice, row)
+    }
+
+    /// Means of a field around samples that are closer than those of `grid`, of whose bricks some are finer still; 0 beyond its samples.
+    fn averaged(grid: &Grid, lattice: Lattice, field: impl Fn(Vec3) -> f32 + Sync) -> Self {
+        let [low, high] = [[0; 3], grid.size().map(|count| count - 1)].map(|it| grid.lattice().position(it));
+        let mean = |at: Vec3| {
+            let inside = at.cmpge(low).all() && at.cmple(high).all();
+            if !inside {
+                return 0.0;
+            }
+            let corner = |k: u32| {
+                let side = UVec3::new(k & 1, k >> 1 & 1, k >> 2).as_vec3() - 0.5;
+                let cell = grid.cell_point(at + lattice.spacing * side)?.cell;
+                Some(grid.level(cell.map(|it| it / BRICK)))
+            };
+            let level = (0..8).filter_map(corner).max().unwrap_or(0);
+            let finest = grid.spacing() / (1 << level) as f32;
+            let along = (lattice.spacing / finest - 1e-3).ceil().max(1.0);
+            if along == 1.0 {
+                return field(at);
+            }
+            let (count, step) = (along as u32, lattice.spacing / along);
+            let first = at - 0.5 * (along - 1.0) * step;
+            let place = |k: u32| UVec3::new(k % count, k / count % count, k / (count * count)).as_vec3();
+            let all = count.pow(3);
+            (0..all).map(|k| field(first + step * place(k))).sum::<f32>() / all as f32
+        };
+        let value = |place: usize| mean(lattice.position(sample(&lattice, place)));
+        Self { lattice, values: (0..lattice.sample_count() as usize).into_par_iter().map(value).collect() }
     }
 
     /// This field of products over their weights: the mean at each sample. Beside samples with weight that without one has the mean of

@@ -2,7 +2,7 @@
 //!
 //! Takes a grid and what gives light to a point; a look-up reads four rows of one brick and gives both at once. Light is the
 //! radiance that scattering and emission add per extinction; the three colors of it, or one that they are multiples of. Bricks that are parted
-//! into finer ones have entries of their parts, with light between the samples of the lattice. Invariant: where the
+//! into finer ones have entries of their parts, with light as close as who gives it knows it, and continuous as the density is. Invariant: where the
 //! density is not 0, so is an entry; elsewhere the entry says how many bricks it is at least to the next one that is not empty.
 
 use bytemuck::Pod;
@@ -165,13 +165,24 @@ pub(super) struct LitBricks<L: Spectrum> {
     /// The last sample along each axis.
     pub(super) last: Vec3A,
     pub(super) samples: Vec<L::Sample>,
-    /// Of each brick that is not empty its level, and the number of its first part among all entries; none if no brick is parted.
-    parts: Vec<(u32, u32)>,
+    /// Of each brick that is not empty; none if no brick is parted.
+    pub(super) parts: Vec<Parts>,
 }
 
-/// Gives light to the samples of a row, all of one brick: from a place in the lattice on, along x.
+/// The parts of a brick.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Parts {
+    /// How many there are along an edge: 1 where the brick is whole.
+    pub(super) along: f32,
+    /// The number of the first one among all entries.
+    pub(super) first: u32,
+}
+
+/// Gives light to the samples of a row, all of one brick: from a place on, along x, of a lattice with so many samples along each spacing of the density's.
 pub(super) trait Lights<L>: Sync {
-    fn row(&self, first: [u32; 3], row: &mut [L; EDGE]);
+    fn row(&self, first: [u32; 3], along: u32, row: &mut [L; EDGE]);
+    /// How far apart places are at which it tells light apart.
+    fn spacing(&self) -> f32;
 }
 
 impl<L: Spectrum> LitBricks<L> {
@@ -183,9 +194,10 @@ impl<L: Spectrum> LitBricks<L> {
         let mut parts = Vec::new();
         let mut count = filled.len();
         if !grid.is_even() {
-            for &brick in &filled {
+            for (number, &brick) in (0..).zip(&filled) {
                 let level = grid.level(brick);
-                parts.push((level, count as u32));
+                let first = if level > 0 { count as u32 } else { number };
+                parts.push(Parts { along: (1 << level) as f32, first });
                 count += if level > 0 { 1 << (3 * level) } else { 0 };
             }
         }
@@ -196,7 +208,7 @@ impl<L: Spectrum> LitBricks<L> {
             dispatch!(level, simd => fill(simd, grid, brick, lights, samples));
         });
         let mut finer = Vec::new();
-        for (&brick, &(level, _)) in filled.iter().zip(&parts).filter(|(_, (level, _))| *level > 0) {
+        for (brick, level) in filled.iter().map(|&it| (it, grid.level(it))).filter(|it| it.1 > 0) {
             let (of_brick, rest) = std::mem::take(&mut others).split_at_mut(STORED << (3 * level));
             finer.push((brick, level, of_brick));
             others = rest;
@@ -205,12 +217,6 @@ impl<L: Spectrum> LitBricks<L> {
             fill_parts(grid, (brick, level), lights, samples);
         });
         Self { space, last, samples, parts }
-    }
-
-    /// How often the spacing is halved in brick number `brick`.
-    #[inline(always)]
-    pub(super) fn level(&self, brick: usize) -> u32 {
-        self.parts.get(brick).map_or(0, |it| it.0)
     }
 
     /// Whether no brick is parted.
@@ -226,8 +232,8 @@ impl<L: Spectrum> LitBricks<L> {
     #[inline(always)]
     pub(super) fn look_up(&self, brick: usize, place: Vec3A) -> (f32, L) {
         let place = place.max(Vec3A::ZERO).min(self.last);
-        if self.level(brick) > 0 {
-            return self.look_up_part(brick, place);
+        if let Some(parts) = self.parts.get(brick).filter(|it| it.along > 1.0) {
+            return self.look_up_part(*parts, place);
         }
         let cell = place.floor();
         let inside = cell - BRICK as f32 * (place * (1.0 / BRICK as f32)).floor();
@@ -237,13 +243,11 @@ impl<L: Spectrum> LitBricks<L> {
     }
 
     /// The same in a brick that is parted.
-    fn look_up_part(&self, brick: usize, place: Vec3A) -> (f32, L) {
-        let (level, first) = self.parts[brick];
-        let parts = (1 << level) as f32;
-        let corner = parts * (place * (1.0 / BRICK as f32)).floor();
-        let place = parts * place;
+    fn look_up_part(&self, Parts { along, first }: Parts, place: Vec3A) -> (f32, L) {
+        let corner = along * (place * (1.0 / BRICK as f32)).floor();
+        let place = along * place;
         let part = (place * (1.0 / BRICK as f32)).floor();
-        let number = (part - corner).dot(Vec3A::new(1.0, parts, parts * parts)) as usize;
+        let number = (part - corner).dot(Vec3A::new(1.0, along, along * along)) as usize;
         let inside = place - BRICK as f32 * part;
         let cell = inside.floor();
         let at = cell.dot(Vec3A::new(1.0, EDGE as f32, (EDGE * EDGE) as f32)) as usize;
@@ -264,6 +268,74 @@ impl<L: Spectrum> LitBricks<L> {
     }
 }
 
+/// Light in a brick that is parted, from its first sample to the first one of the next brick.
+struct Close<L> {
+    /// Samples a spacing of the lattice.
+    along: usize,
+    samples: Vec<L>,
+}
+
+impl<L: Spectrum> Close<L> {
+    fn new(grid: &Grid, (brick, level): ([u32; 3], u32), lights: &impl Lights<L>) -> Self {
+        let of_level = |level: u32| {
+            let enough = |it: &u32| grid.spacing() / (1 << it) as f32 <= 1.001 * lights.spacing();
+            1_usize << (0..level).find(enough).unwrap_or(level)
+        };
+        let along = of_level(level);
+        let edge = BRICK as usize * along + 1;
+        let mut samples = vec![L::splat(0.0); edge * edge * edge];
+        for (number, samples) in samples.chunks_exact_mut(edge).enumerate() {
+            let inside = [0, number % edge, number / edge];
+            let mut row = [L::splat(0.0); EDGE];
+            for part in 0..along {
+                let start = part * BRICK as usize;
+                let first = [start, inside[1], inside[2]];
+                let first =
+                    std::array::from_fn(|axis| brick[axis] * BRICK * along as u32 + first[axis] as u32);
+                lights.row(first, along as u32, &mut row);
+                samples[start..start + EDGE].copy_from_slice(&row);
+            }
+        }
+        let mut close = Self { along, samples };
+        // What coarser bricks touch is between their samples, the coarsest first.
+        let on_sides: Vec<(usize, usize)> = (0..close.samples.len())
+            .filter_map(|place| {
+                let at = close.at(place).map(|it| it << level >> along.trailing_zeros());
+                let coarsest = grid.coarsest(brick, level, at)?;
+                Some((of_level(grid.level(coarsest)), place))
+            })
+            .collect();
+        for coarser in (0..along.trailing_zeros()).map(|it| 1 << it) {
+            for &(_, place) in on_sides.iter().filter(|it| it.0 == coarser) {
+                close.samples[place] = close.between(close.at(place), along / coarser, along / coarser);
+            }
+        }
+        close
+    }
+
+    /// Where a sample lies.
+    fn at(&self, place: usize) -> [usize; 3] {
+        let edge = BRICK as usize * self.along + 1;
+        [place % edge, place / edge % edge, place / (edge * edge)]
+    }
+
+    /// Light at a place in units of which there are `units` in `stride` samples, between every `stride`-th sample.
+    fn between(&self, place: [usize; 3], units: usize, stride: usize) -> L {
+        let edge = BRICK as usize * self.along + 1;
+        let last = (edge - 1) / stride - 1;
+        let cell = place.map(|it| (it / units).min(last));
+        let share: [f32; 3] =
+            std::array::from_fn(|axis| (place[axis] - cell[axis] * units) as f32 / units as f32);
+        let mix = |a: L, b: L, share: f32| a * (1.0 - share) + b * share;
+        let along_x = |y: usize, z: usize| {
+            let first = stride * (((cell[2] + z) * edge + cell[1] + y) * edge + cell[0]);
+            mix(self.samples[first], self.samples[first + stride], share[0])
+        };
+        let along_y = |z: usize| mix(along_x(0, z), along_x(1, z), share[1]);
+        mix(along_y(0), along_y(1), share[2])
+    }
+}
+
 /// Fills the parts of a brick, with their aprons.
 fn fill_parts<L: Spectrum>(
     grid: &Grid,
@@ -271,30 +343,16 @@ fn fill_parts<L: Spectrum>(
     lights: &impl Lights<L>,
     samples: &mut [L::Sample],
 ) {
-    let mut light = [[L::splat(0.0); EDGE]; EDGE * EDGE];
-    let first = brick.map(|it| it * BRICK);
-    for (number, row) in light.iter_mut().enumerate() {
-        lights.row([first[0], first[1] + (number % EDGE) as u32, first[2] + (number / EDGE) as u32], row);
-    }
     let parts = 1_usize << level;
-    let mix = |a: L, b: L, share: f32| a * (1.0 - share) + b * share;
+    let close = Close::new(grid, (brick, level), lights);
     for (number, samples) in samples.chunks_exact_mut(STORED).enumerate() {
         let part = [number % parts, number / parts % parts, number / (parts * parts)];
         let at = std::array::from_fn(|axis| (brick[axis] << level) + part[axis] as u32);
         let (densities, _) = grid.piece_samples(Piece { at, level });
         for (place, (sample, &density)) in samples.iter_mut().zip(densities).enumerate() {
             let inside = [place % EDGE, place / EDGE % EDGE, place / (EDGE * EDGE)];
-            // The cell of the lattice's samples of light, and the place in it.
-            let fine: [usize; 3] = std::array::from_fn(|axis| part[axis] * BRICK as usize + inside[axis]);
-            let cell = fine.map(|it| (it / parts).min(BRICK as usize - 1));
-            let share: [f32; 3] =
-                std::array::from_fn(|axis| fine[axis] as f32 / parts as f32 - cell[axis] as f32);
-            let along_x = |y: usize, z: usize| {
-                let row = &light[(cell[2] + z) * EDGE + cell[1] + y];
-                mix(row[cell[0]], row[cell[0] + 1], share[0])
-            };
-            let along_y = |z: usize| mix(along_x(0, z), along_x(1, z), share[1]);
-            *sample = L::sample(density, mix(along_y(0), along_y(1), share[2]));
+            let fine = std::array::from_fn(|axis| part[axis] * BRICK as usize + inside[axis]);
+            *sample = L::sample(density, close.between(fine, parts / close.along, 1));
         }
     }
 }
@@ -314,7 +372,7 @@ fn fill<S: Simd, L: Spectrum>(
     let rows = samples.chunks_exact_mut(EDGE).zip(densities.chunks_exact(EDGE)).enumerate();
     for (number, (samples, densities)) in rows {
         let mut light = [L::splat(0.0); EDGE];
-        lights.row([x, y + (number % EDGE) as u32, z + (number / EDGE) as u32], &mut light);
+        lights.row([x, y + (number % EDGE) as u32, z + (number / EDGE) as u32], 1, &mut light);
         for ((sample, &density), light) in samples.iter_mut().zip(densities).zip(light) {
             *sample = L::sample(density, light);
         }

@@ -1,7 +1,7 @@
 //! The march: along each ray front to back through the bricks that hold something, light taken from the cache.
 //!
-//! Takes a medium, the light in it and a view; adds samples to every pixel in passes. A ray is cut into steps of one length; in
-//! each, extinction and light are those of one point, and the light that comes from it is integrated exactly. Where on the first
+//! Takes a medium, the light in it and a view; adds samples to every pixel in passes. A ray is cut into steps of one length, those around finer
+//! bricks into 2, 4 or 8 as long as their spacing asks for; in each, extinction and light are those of one point, and the light that comes from it is integrated exactly. Where on the first
 //! step the points lie is drawn for each sample (one sample alone takes the middle), so that steps leave noise and no bands.
 //! Invariant: the same seed gives the same bits for any number of threads.
 
@@ -315,10 +315,7 @@ impl<'a> March<'a> {
     #[inline(always)]
     fn packets(&self) -> Option<&Lit> {
         match &self.light {
-            // Steps of one length on all lanes: not where some bricks are finer.
-            Source::Cached(cache, lit) if self.noise.is_none() && !cache.has_near() && lit.is_even() => {
-                Some(lit)
-            }
+            Source::Cached(cache, lit) if self.noise.is_none() && !cache.has_near() => Some(lit),
             _ => None,
         }
     }
@@ -385,39 +382,27 @@ impl<'a> March<'a> {
         let grid = self.medium.density();
         let extinction = L::of(Vec3::from(self.medium.optics().extinction), walk.channel) * self.step();
         let Some(mut crossing) = self.crossing(ray, start) else { return walk };
-        'steps: while let Some((distance, brick)) = crossing.next(&self.space) {
-            // Where samples are closer, so are the points of a step.
-            let level = if self.noise.is_none() { bricks.level(brick) } else { 0 };
-            let share = 1.0 / (1 << level) as f32;
-            for part in 0..1 << level {
-                let distance = crossing.within(distance, part as f32, share);
-                let t = crossing.path.enter + distance;
-                let (density, light, at) = match self.noise {
-                    None => {
-                        let place = crossing.path.at(distance);
-                        let (density, light) = match level {
-                            0 => bricks.look_up(brick, place),
-                            _ if distance < crossing.path.length => bricks.at(place),
-                            _ => break,
-                        };
-                        (density, light, ray.origin + t * ray.direction)
-                    }
-                    Some(noise) => {
-                        let (at, factor) =
-                            noise.disperse(ray.origin + t * ray.direction, self.view.footprint(t));
-                        let (density, light) = bricks.at(Vec3A::from((at - grid.origin()) / grid.spacing()));
-                        (factor * density, light, at)
-                    }
+        while let Some((distance, share, brick)) = crossing.next(&self.space) {
+            let t = crossing.path.enter + distance;
+            let (density, light, at) = match self.noise {
+                None => {
+                    let (density, light) = bricks.look_up(brick, crossing.path.at(distance));
+                    (density, light, ray.origin + t * ray.direction)
+                }
+                Some(noise) => {
+                    let (at, factor) = noise.disperse(ray.origin + t * ray.direction, self.view.footprint(t));
+                    let (density, light) = bricks.at(Vec3A::from((at - grid.origin()) / grid.spacing()));
+                    (factor * density, light, at)
+                }
+            };
+            if density > 0.0 {
+                let light = match cache.has_near() {
+                    false => light,
+                    true => light + L::of(cache.near(at, ray.direction), walk.channel),
                 };
-                if density > 0.0 {
-                    let light = match cache.has_near() {
-                        false => light,
-                        true => light + L::of(cache.near(at, ray.direction), walk.channel),
-                    };
-                    walk.step(extinction * (share * density), light, t);
-                    if walk.is_dark() {
-                        break 'steps;
-                    }
+                walk.step(extinction * (share * density), light, t);
+                if walk.is_dark() {
+                    break;
                 }
             }
         }
@@ -429,14 +414,15 @@ impl<'a> March<'a> {
         let mut walk = self.walk(0);
         let extinction = Vec3::from(self.medium.optics().extinction) * self.step();
         let Some(mut crossing) = self.crossing(ray, start) else { return walk };
-        while let Some((distance, _)) = crossing.next(&self.space) {
+        while let Some((distance, share, _)) = crossing.next(&self.space) {
             let t = crossing.path.enter + distance;
             let at = ray.origin + t * ray.direction;
             let (at, factor) =
                 self.noise.map_or((at, 1.0), |noise| noise.disperse(at, self.view.footprint(t)));
             let density = factor * self.medium.density().density(at);
             if density > 0.0 {
-                walk.step(extinction * density, brute.scattered(at, ray.direction, &mut stream), t);
+                let light = brute.scattered(at, ray.direction, &mut stream);
+                walk.step(extinction * (share * density), light, t);
                 if walk.is_dark() {
                     break;
                 }
@@ -462,7 +448,7 @@ impl<'a> March<'a> {
     #[inline(always)]
     fn crossing(&self, ray: &Ray, start: f32) -> Option<Crossing> {
         let path = Path::within(&self.bounds, self.medium.density(), ray)?;
-        Some(Crossing { path, step: self.step(), start, number: 0.0 })
+        Some(Crossing { path, step: self.step(), start, number: 0.0, part: 0.0, share: 1.0 })
     }
 }
 
@@ -497,30 +483,41 @@ struct Crossing {
     start: f32,
     /// Steps that are done or crossed.
     number: f32,
+    /// Parts of the present one that are done, and what share of it each is.
+    part: f32,
+    share: f32,
 }
 
 impl Crossing {
-    /// Where the point of a part of a step lies whose own point is at `distance`; the parts have that share of it.
+    /// The next step or part of one: its distance along the path, what share of a step it is, and the number of its brick.
+    ///
+    /// Into how many parts a step is cut says its middle, wherever its points lie: so each of them stands for as much of the path as others.
     #[inline(always)]
-    fn within(&self, distance: f32, part: f32, share: f32) -> f32 {
-        distance + self.step * (share * (part + self.start) - self.start)
-    }
-
-    /// The next step: its distance along the path, and the number of its brick.
-    #[inline(always)]
-    fn next(&mut self, space: &Space) -> Option<(f32, usize)> {
+    fn next(&mut self, space: &Space) -> Option<(f32, f32, usize)> {
         loop {
-            let distance = (self.number + self.start) * self.step;
+            if self.part == 0.0 && !space.shares.is_empty() {
+                self.share = space.share(self.path.at((self.number + 0.5) * self.step));
+            }
+            let (number, share) = (self.number, self.share);
+            let distance = (number + share * (self.part + self.start)) * self.step;
             if distance >= self.path.length {
                 return None;
             }
-            self.number += 1.0;
+            self.part += 1.0;
+            if self.part * share >= 1.0 {
+                (self.number, self.part) = (number + 1.0, 0.0);
+            }
             let place = self.path.at(distance);
             match space.entry(place) {
-                Ok(brick) => return Some((distance, brick)),
+                Ok(brick) => return Some((distance, share, brick)),
                 Err(away) => {
-                    let end = space.leave(&self.path, place, away);
-                    self.number = self.number.max((end / self.step - self.start).ceil());
+                    let end = space.leave(&self.path, place, away) / self.step;
+                    // A step that ends behind what is empty may have its middle or other parts there.
+                    let margin = if space.shares.is_empty() { self.start } else { 1.0 };
+                    let ahead = (end - margin).ceil();
+                    if ahead > number {
+                        (self.number, self.part) = (ahead.max(self.number), 0.0);
+                    }
                 }
             }
         }

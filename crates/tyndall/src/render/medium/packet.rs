@@ -2,7 +2,7 @@
 //!
 //! Takes sixteen paths and what the march looks up; gives for each what [`super::march`] finds for one ray, bit for bit. A step of all
 //! sixteen finds their bricks, sends those in empty ones ahead, and looks up density and light for the others. Sixteen look-ups that do
-//! not wait for each other hide the time that memory takes.
+//! not wait for each other hide the time that memory takes. Where some bricks are finer, each ray has steps of its own length.
 
 use fearless_simd::{f32x16, i32x16, prelude::*, u32x16};
 use fearless_simd_macros::simd;
@@ -75,8 +75,8 @@ pub(super) fn rgb<const C: usize>(colors: &[[f32; RAYS]; C], lane: usize) -> Vec
 type Corners = [[[[f32; FOUR]; RAYS]; 2]; 4];
 const FOUR: usize = 4;
 
-/// Marches along sixteen paths in steps of one length. `V` is one more than the `C` colors; `matter` is that of a step.
-#[simd]
+/// Marches along sixteen paths in steps of one length, parted where bricks are. `V` is one more than the `C` colors; `matter` is that of a step.
+#[inline(always)]
 pub(super) fn march<S: Simd, L: Spectrum, const C: usize, const V: usize>(
     simd: S,
     paths: &Paths,
@@ -84,8 +84,23 @@ pub(super) fn march<S: Simd, L: Spectrum, const C: usize, const V: usize>(
     step: f32,
     matter: &Matter<C>,
 ) -> Gathered<C> {
+    match bricks.is_even() {
+        true => march_by::<_, _, C, V, true>(simd, paths, bricks, step, matter),
+        false => march_by::<_, _, C, V, false>(simd, paths, bricks, step, matter),
+    }
+}
+
+/// The same; `EVEN` says that no brick is parted.
+#[simd]
+fn march_by<S: Simd, L: Spectrum, const C: usize, const V: usize, const EVEN: bool>(
+    simd: S,
+    paths: &Paths,
+    bricks: &LitBricks<L>,
+    step: f32,
+    matter: &Matter<C>,
+) -> Gathered<C> {
     const { assert!(V == C + 1 && (2 * V).is_multiple_of(FOUR) && size_of::<L::Sample>() == V * size_of::<f32>()) };
-    let zero = f32x16::splat(simd, 0.0);
+    let (zero, one) = (f32x16::splat(simd, 0.0), f32x16::splat(simd, 1.0));
     let (start, direction) = (Lanes3::load(simd, &paths.start), Lanes3::load(simd, &paths.direction));
     let inv_direction = Lanes3::load(simd, &paths.inv_direction);
     let offset = f32x16::load_array_ref(simd, &paths.offset);
@@ -95,15 +110,34 @@ pub(super) fn march<S: Simd, L: Spectrum, const C: usize, const V: usize>(
     let mut corners: Corners = [[[[0.0; FOUR]; RAYS]; 2]; 4];
     let (mut transmittance, mut scattered) = ([f32x16::splat(simd, 1.0); C], [zero; C]);
     let (mut depth, mut lost_in_all) = (zero, zero);
-    let mut number = zero;
+    // Steps that are done or crossed, parts of the present one, and what share of it each is.
+    let (mut number, mut part, mut share) = (zero, zero, one);
     let mut on_the_way = zero.simd_lt(length);
     loop {
-        let distance = (number + offset) * f32x16::splat(simd, step);
+        if !EVEN {
+            let begins = on_the_way & part.simd_eq(zero);
+            if begins.to_bitmask() != 0 {
+                let middle = (number + f32x16::splat(simd, 0.5)) * f32x16::splat(simd, step);
+                let place = start.plus(direction.times(begins.select(middle, zero)));
+                let brick = floor(place.times(f32x16::splat(simd, 1.0 / BRICK as f32)));
+                share = begins.select(bricks.space.shares(simd, brick), share);
+            }
+        }
+        let inside = if EVEN { offset } else { share * (part + offset) };
+        let distance = (number + inside) * f32x16::splat(simd, step);
         on_the_way &= distance.simd_lt(length);
         if on_the_way.to_bitmask() == 0 {
             break;
         }
-        number += f32x16::splat(simd, 1.0);
+        let before = number;
+        if EVEN {
+            number += one;
+        } else {
+            part += one;
+            let ends = (part * share).simd_ge(one);
+            number = ends.select(number + one, number);
+            part = ends.select(zero, part);
+        }
         // Rays that are through stay where they began: their distance may be no number.
         let distance = on_the_way.select(distance, zero);
         let place = start.plus(direction.times(distance));
@@ -112,8 +146,11 @@ pub(super) fn march<S: Simd, L: Spectrum, const C: usize, const V: usize>(
         let filled = on_the_way & entries.simd_ge(zero);
         if (on_the_way & !filled).to_bitmask() != 0 {
             let end = leave(simd, (start, inv_direction), brick, -entries);
-            let ahead = (end / f32x16::splat(simd, step) - offset).ceil();
-            number = (!filled & ahead.simd_gt(number)).select(ahead, number);
+            let margin = if EVEN { offset } else { one };
+            let ahead = (end / f32x16::splat(simd, step) - margin).ceil();
+            let jumps = !filled & ahead.simd_gt(before);
+            number = jumps.select(ahead.max(number), number);
+            part = jumps.select(zero, part);
         }
         let left = filled.to_bitmask() as u32;
         if left == 0 {
@@ -125,6 +162,10 @@ pub(super) fn march<S: Simd, L: Spectrum, const C: usize, const V: usize>(
             x: place.x.max(zero).min(f32x16::splat(simd, last.x)),
             y: place.y.max(zero).min(f32x16::splat(simd, last.y)),
             z: place.z.max(zero).min(f32x16::splat(simd, last.z)),
+        };
+        let (number_of, inside) = match EVEN {
+            true => (number_of, inside),
+            false => bricks.parts(simd, inside, &number_of, left),
         };
         let cell = floor(inside);
         let fraction = inside.minus(cell);
@@ -142,6 +183,7 @@ pub(super) fn march<S: Simd, L: Spectrum, const C: usize, const V: usize>(
         let holds = filled & density.simd_gt(zero);
         let (mut most, mut lost_here) = (zero, zero);
         for color in 0..C {
+            let density = if EVEN { density } else { share * density };
             let thickness = f32x16::splat(simd, matter.extinction[color]) * density;
             let mut lost = thickness;
             if !matter.additive {
@@ -179,18 +221,64 @@ impl Space {
     /// [`Space::entry`] of bricks, as it is kept: their numbers, or minus how far the next one is; also as floats.
     #[inline(always)]
     fn entries<S: Simd>(&self, simd: S, brick: Lanes3<f32x16<S>>) -> ([i32; RAYS], f32x16<S>) {
+        let places = self.places(simd, brick);
+        let mut numbers = [0; RAYS];
+        for lane in 0..RAYS {
+            numbers[lane] = self.entries[places[lane] as usize];
+        }
+        (numbers, i32x16::load_array(simd, numbers).to_float())
+    }
+
+    /// [`Space::share`] of bricks.
+    #[inline(always)]
+    fn shares<S: Simd>(&self, simd: S, brick: Lanes3<f32x16<S>>) -> f32x16<S> {
+        let places = self.places(simd, brick);
+        let mut shares = [1.0; RAYS];
+        for lane in 0..RAYS {
+            shares[lane] = self.shares[places[lane] as usize];
+        }
+        f32x16::load_array(simd, shares)
+    }
+
+    /// The places of bricks among the entries.
+    #[inline(always)]
+    fn places<S: Simd>(&self, simd: S, brick: Lanes3<f32x16<S>>) -> [u32; RAYS] {
         let margin = self.margin as f32;
         let whole = |it: f32x16<S>| it.to_int::<u32x16<S>>();
         let x = whole(within(simd, brick.x, margin, self.last.x));
         let y = whole(within(simd, brick.y, margin, self.last.y));
         let z = whole(within(simd, brick.z, margin, self.last.z));
         let [width, height, _] = self.size.map(|it| u32x16::splat(simd, it as u32));
-        let places = ((z * height + y) * width + x).to_array();
-        let mut numbers = [0; RAYS];
-        for lane in 0..RAYS {
-            numbers[lane] = self.entries[places[lane] as usize];
+        ((z * height + y) * width + x).to_array()
+    }
+}
+
+impl<L: Spectrum> LitBricks<L> {
+    /// The numbers of the parts in which places are, in bricks of numbers that count in the lanes of the mask, and the places in units of the parts' spacings.
+    #[inline(always)]
+    fn parts<S: Simd>(
+        &self,
+        simd: S,
+        place: Lanes3<f32x16<S>>,
+        numbers: &[i32; RAYS],
+        mut left: u32,
+    ) -> ([i32; RAYS], Lanes3<f32x16<S>>) {
+        let (mut along, mut first) = ([1.0; RAYS], [0; RAYS]);
+        while left != 0 {
+            let lane = left.trailing_zeros() as usize;
+            left &= left - 1;
+            let parts = self.parts[numbers[lane] as usize];
+            (along[lane], first[lane]) = (parts.along, parts.first as i32);
         }
-        (numbers, i32x16::load_array(simd, numbers).to_float())
+        let along = f32x16::load_array(simd, along);
+        let in_bricks = f32x16::splat(simd, 1.0 / BRICK as f32);
+        let corner = floor(place.times(in_bricks)).times(along);
+        let place = place.times(along);
+        let part = floor(place.times(in_bricks)).minus(corner);
+        // Exact in floats.
+        let number = part.x + part.y * along + part.z * (along * along);
+        let number = i32x16::load_array(simd, first) + number.to_int::<i32x16<S>>();
+        (number.to_array(), place)
     }
 }
 

@@ -1,7 +1,8 @@
 //! Where a medium is and where it is not: for every brick of its density, which filled brick it is, or how far the next one is.
 //!
 //! Takes a grid, or a grid whose matter may be found some way beyond where it lies (noise moves it). Distances are counted in
-//! bricks, diagonals as 1: all bricks nearer than that are empty, so that a ray may cross them at once.
+//! bricks, diagonals as 1: all bricks nearer than that are empty, so that a ray may cross them at once. Where bricks are parted into finer ones, it
+//! also says how short steps have to be.
 
 use glam::{IVec3, Vec3A};
 
@@ -20,6 +21,8 @@ pub(super) struct Space {
     pub(super) last: Vec3A,
     /// The number of a filled brick, or minus the distance of the next one.
     pub(super) entries: Vec<i32>,
+    /// The spacing of the finest samples that are found in each, as a share of the lattice's; none if no brick is parted.
+    pub(super) shares: Vec<f32>,
 }
 
 /// Distances are not told apart beyond this one.
@@ -35,6 +38,8 @@ impl Space {
     pub(super) fn reached(grid: &Grid, reach: f32) -> Self {
         let bricks = (reach / BRICK as f32).ceil() as i32;
         let mut space = Self::within(grid, bricks);
+        // What noise brings there may be from the finest of them.
+        space.spread_shares(bricks as usize);
         for entry in &mut space.entries {
             *entry = if *entry > 0 { 0 } else { *entry };
             *entry = (*entry + bricks).min(0);
@@ -61,9 +66,45 @@ impl Space {
             }
         }
         let last = Vec3A::from(size.map(|count| (count - 1) as f32));
-        let mut space = Self { size, margin, last, entries };
+        let share = |place: usize| {
+            let at = position(size, place);
+            let brick = inside(at[0], 0).zip(inside(at[1], 1)).zip(inside(at[2], 2));
+            brick.map_or(1.0, |((x, y), z)| 1.0 / (1 << grid.level([x, y, z])) as f32)
+        };
+        let shares = if grid.is_even() { Vec::new() } else { (0..entries.len()).map(share).collect() };
+        let mut space = Self { size, margin, last, entries, shares };
         space.measure();
         space
+    }
+
+    /// Gives every brick the least share of those within so many bricks of it: along each axis in turn.
+    fn spread_shares(&mut self, reach: usize) {
+        let [width, height, _] = self.size;
+        for (axis, stride) in [1, width, width * height].into_iter().enumerate() {
+            let least = |place: usize| {
+                let at = position(self.size, place)[axis];
+                let from = at.saturating_sub(reach);
+                let end = (at + reach).min(self.size[axis] - 1);
+                (from..=end).map(|it| self.shares[place + it * stride - at * stride]).fold(1.0, f32::min)
+            };
+            self.shares = (0..self.shares.len()).map(least).collect();
+        }
+    }
+
+    /// How long a step around a place should be, as a share of one in bricks that are not parted.
+    #[inline(always)]
+    pub(super) fn share(&self, place: Vec3A) -> f32 {
+        if self.shares.is_empty() { 1.0 } else { self.shares[self.place(place)] }
+    }
+
+    /// The place among the entries of what is at a place in lattice units.
+    #[inline(always)]
+    fn place(&self, place: Vec3A) -> usize {
+        let brick = (place * (1.0 / BRICK as f32)).floor() + self.margin as f32;
+        let brick = brick.max(Vec3A::ZERO).min(self.last);
+        let (x, y, z) = (brick.x as usize, brick.y as usize, brick.z as usize);
+        let [width, height, _] = self.size;
+        (z * height + y) * width + x
     }
 
     /// Finds distances: through each plane, row and line forward and back. Entries are numbers or minus [`FAR`] before.
@@ -103,11 +144,7 @@ impl Space {
     /// count.
     #[inline(always)]
     pub(super) fn entry(&self, place: Vec3A) -> Result<usize, f32> {
-        let brick = (place * (1.0 / BRICK as f32)).floor() + self.margin as f32;
-        let brick = brick.max(Vec3A::ZERO).min(self.last);
-        let (x, y, z) = (brick.x as i32, brick.y as i32, brick.z as i32);
-        let [width, height, _] = self.size;
-        let entry = self.entries[(z as usize * height + y as usize) * width + x as usize];
+        let entry = self.entries[self.place(place)];
         if entry >= 0 { Ok(entry as usize) } else { Err(-entry as f32) }
     }
 
@@ -167,6 +204,7 @@ mod tests {
                     assert_eq!(found, distance as f32, "seed {seed}: {at:?}");
                 }
             }
+            assert!(space.shares.is_empty() && reached.shares.is_empty());
             let filled = space.filled();
             for (number, brick) in filled.iter().enumerate() {
                 let center = Vec3A::from(brick.map(|it| (8 * it + 4) as f32));

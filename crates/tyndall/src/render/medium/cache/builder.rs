@@ -499,7 +499,7 @@ fn outside(mut field: Field, covered: Option<&Field>) -> Field {
 /// Distances of the samples of lights without extent, and of what is smooth.
 pub(super) fn spacings(medium: &Medium, settings: &Settings) -> [f32; 2] {
     let grid = medium.density();
-    let sharp = settings.spacing.unwrap_or_else(|| spacing(grid, grid.spacing(), MOST_SAMPLES[0]));
+    let sharp = settings.spacing.unwrap_or_else(|| spacing(grid, grid.finest_spacing(), MOST_SAMPLES[0]));
     // Matter that glows is brightest beside itself.
     let steps = if medium.emission().is_some() { 1.0 } else { 2.0 };
     let smooth = || spacing(grid, steps * sharp, MOST_SAMPLES[1]);
