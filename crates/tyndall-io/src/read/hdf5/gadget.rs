@@ -11,6 +11,7 @@ use tyndall::{Cell, DVec3, Progress, Result};
 
 use super::attributes::Attributes;
 use super::columns::{self, Input, Run};
+use super::swift::Support;
 use super::tree::{Data, Group, Tree};
 use crate::read::content;
 use crate::read::map;
@@ -173,7 +174,14 @@ pub(super) fn frame(tree: &Tree, options: &Options, progress: &dyn Progress) -> 
         return Err(snapshot::none_wanted(options, &present));
     }
     let columns = columns_of(&parts, &mut warnings)?;
-    let flags = sections::flags(&columns, options.wanted.as_ref());
+    let mut support = match program.name {
+        "SWIFT" => Support::of(tree, &columns)?,
+        _ => None,
+    };
+    let flags = match &mut support {
+        Some(support) => support.flags(&columns, options.wanted.as_ref()),
+        None => sections::flags(&columns, options.wanted.as_ref()),
+    };
     let columns = sections::flagged(columns, &flags);
     let runs = parts.iter().map(|part| run(tree, part, &columns)).collect::<Result<Vec<_>>>()?;
 
@@ -195,17 +203,17 @@ pub(super) fn frame(tree: &Tree, options: &Options, progress: &dyn Progress) -> 
 
     warnings.extend(disagreement(&header, &trees, &program)?);
     let mut conventions = vec![factors.convention()];
-    if columns.iter().any(|it| it.name.starts_with("SmoothingLength")) {
-        conventions.push(
-            match program.name {
-                "SWIFT" => {
-                    "SmoothingLengths are SWIFT's h: the kernel's support is 1.8 to 2.2 times that, by kernel"
-                }
-                _ => "SmoothingLength is the radius of the kernel's support, as in Gadget",
-            }
-            .to_string(),
-        );
-    }
+    let length = columns.iter().find(|it| it.name.starts_with("SmoothingLength"));
+    conventions.extend(length.and_then(|length| match program.name {
+        "SWIFT" => match support {
+            Some(support) => support.add(&mut gathered.attributes),
+            None => Some(format!(
+                "{} are SWIFT's h: of a kernel that is not known, whose support is wider",
+                length.name
+            )),
+        },
+        _ => Some(format!("{} is the radius of the kernel's support, as in Gadget", length.name)),
+    }));
     if cell.is_some() {
         conventions.push("BoxSize is taken as a cell that repeats, from 0 on".to_string());
     }

@@ -13,6 +13,7 @@ mod h5md;
 mod neighbors;
 mod openpmd;
 mod plain;
+mod swift;
 mod tree;
 
 use std::path::Path;

@@ -2,6 +2,8 @@
 
 use std::path::PathBuf;
 
+use tyndall::scene::coloring::Coloring;
+use tyndall::scene::wanted::Wanted;
 use tyndall::{DVec3, Particles, Values};
 
 use super::*;
@@ -54,9 +56,31 @@ fn a_swift_snapshot_goes_through_its_filters() {
         assert_eq!((particles.time(), particles.time_unit()), (Some(0.5), Some("a")), "the scale factor");
         assert_eq!(particles.length_unit(), Some("cMpc"));
         assert!(frame.conventions[0].contains("a = 0.5") && !frame.conventions[0].contains("h ="));
-        assert!(frame.conventions.iter().any(|it| it.contains("SmoothingLengths are SWIFT's h")));
+        // The latter says its kernel.
+        let gamma = if name == "swift.hdf5" { 1.825742 } else { 1.936492 };
+        let radii = numbers(particles, "SupportRadius");
+        assert!((radii[4] - gamma * lengths[4]).abs() < 1e-7 && radii[5].is_nan());
+        let said = format!("SupportRadius is {gamma} times SmoothingLengths");
+        assert!(frame.conventions.iter().any(|it| it.contains(&said)), "{:?}", frame.conventions);
         assert!(frame.warnings.is_empty(), "{:?}", frame.warnings);
     }
+}
+
+#[test]
+fn radii_of_kernels_are_there_where_they_are_wanted() {
+    let read = |name: &str| {
+        let wanted = Wanted {
+            coloring: Coloring::Constant([0.0; 3]),
+            optional: vec![name.into()],
+            ..Wanted::default()
+        };
+        let options = Options { wanted: Some(wanted), ..types(&["gas"]) };
+        let particles = open_with("swift.hdf5", &options).unwrap().frame(0, &()).unwrap().particles;
+        ["SmoothingLengths", "SupportRadius"].map(|name| particles.attribute(name).is_some())
+    };
+    assert_eq!(read("SupportRadius"), [false, true]);
+    assert_eq!(read("SmoothingLengths"), [true, false]);
+    assert_eq!(read("Flags"), [false; 2]);
 }
 
 #[test]

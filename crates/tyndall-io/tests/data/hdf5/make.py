@@ -39,6 +39,10 @@ def swift(name, libver):
         header["Code"] = ascii_text("SWIFT")
         file.create_group("Units").attrs["Unit length in cgs (U_L)"] = np.array([3.08567758e24])
         file.create_group("Cosmology").attrs["h"] = np.array([0.7])
+        if libver == "latest":
+            scheme = file.create_group("HydroScheme").attrs
+            scheme["Kernel function"] = ascii_text("Wendland C2")
+            scheme["Dimension"] = np.array([3], dtype="i4")
         for number, count, first in [(0, 5, 0), (4, 3, 5)]:
             group = file.create_group(f"PartType{number}")
             k = np.arange(first, first + count, dtype="f8")

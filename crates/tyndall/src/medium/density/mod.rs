@@ -100,8 +100,10 @@ pub enum Weight {
 pub const MASS_NAMES: [&str; 4] = ["mass", "Masses", "m", "particle_mass"];
 /// Names of attributes that hold the density at a particle, best first; in any case.
 pub const DENSITY_NAMES: [&str; 5] = ["Densities", "Density", "rho", "Rhop", "RHO"];
-/// Names of attributes that hold a particle's smoothing length, best first.
-pub const LENGTH_NAMES: [&str; 5] = ["SmoothingLength", "smoothing_length", "hsml", "smoothlength", "h"];
+/// Names of attributes that hold a particle's smoothing length, best first. The first one is the radius of the support by name, as readers find it
+/// where a program's lengths are others.
+pub const LENGTH_NAMES: [&str; 6] =
+    ["SupportRadius", "SmoothingLength", "smoothing_length", "hsml", "smoothlength", "h"];
 
 /// How a density is estimated.
 #[derive(Clone, Debug, PartialEq)]
