@@ -1,4 +1,4 @@
-//! Opaque particles within a medium. They end rays, shadow the medium and each other, and throw light back evenly in their colors.
+//! Opaque particles and bonds within a medium. They end rays, shadow the medium and each other, and throw light back evenly in their colors.
 
 use std::f32::consts::{PI, TAU};
 
@@ -12,7 +12,7 @@ use crate::pages;
 use crate::render::surface::Surface;
 use crate::scene::Scene;
 
-/// The particles and shapes of a scene as matte bodies, measured from the same origin as the medium. Lights, looks and background of the scene do not matter; it must not be cut.
+/// The particles and shapes of a scene as matte bodies, measured from the same origin as the medium. Of shapes bonds alone stop and throw back light that is smooth. Lights, looks and background of the scene do not matter; it must not be cut.
 #[derive(Clone, Copy)]
 pub struct Solids<'a> {
     scene: &'a Scene,
@@ -55,22 +55,49 @@ impl<'a> Solids<'a> {
         self.scene.is_shadowed(ray, except)
     }
 
+    /// The balls that stand for all on a lattice: spheres, and bonds as rows of spheres.
+    fn balls(&self, spacing: f32) -> impl Iterator<Item = Ball> {
+        let structure = self.scene.structure();
+        let spheres = (0..structure.nodes()).filter(|&node| structure.shows(node)).map(|node| {
+            let (center, radius) = structure.sphere(node);
+            Ball { node, center, radius, stops: 1.0, holds: 1.0 }
+        });
+        spheres.chain(self.bonds(spacing))
+    }
+
+    /// Those of bonds.
+    fn bonds(&self, spacing: f32) -> impl Iterator<Item = Ball> {
+        let structure = self.scene.structure();
+        let halves = self.scene.shapes().into_iter().flat_map(|it| it.halves(structure));
+        halves.flat_map(move |(node, [from, to], radius)| {
+            let length = from.distance(to);
+            let count = (length / (2.0 * radius).max(0.5 * spacing)).ceil();
+            // A cylinder stops what a fourth of its side does on average, a sphere what its circle does.
+            let stops = 0.5 * length / (radius * count.max(1.0));
+            (0..count as u32).map(move |place| {
+                let center = from + (place as f32 + 0.5) / count * (to - from);
+                Ball { node, center, radius, stops, holds: 1.5 * stops }
+            })
+        })
+    }
+
     /// The share that the balls on a lattice throw back of what they meet at a point so that the bodies throw back theirs: the mean by cross section.
     fn color(&self, spacing: f32) -> Vec3 {
         let structure = self.scene.structure();
-        let weighted = |node: u32| {
-            let (_, radius) = structure.sphere(node);
+        let weighted = |node: u32, radius: f32, share: f32| {
             let color = Vec3::from(self.scene.color(structure.original(node)));
-            let caught = caught(radius, spacing);
-            (radius * radius * (1.0 + caught) * color / (1.0 + caught * color)).extend(radius * radius)
+            let (area, caught) = (share * radius * radius, caught(radius, spacing));
+            (area * (1.0 + caught) * color / (1.0 + caught * color)).extend(area)
         };
+        let of_sphere = |node: u32| weighted(node, structure.sphere(node).1, 1.0);
         // The same sum for any number of threads: chunks of a fixed size, in order.
         let chunks: Vec<Vec4> = (0..structure.nodes().div_ceil(CHUNK))
             .into_par_iter()
             .map(|chunk| chunk * CHUNK..((chunk + 1) * CHUNK).min(structure.nodes()))
-            .map(|nodes| nodes.filter(|&node| structure.shows(node)).map(weighted).sum())
+            .map(|nodes| nodes.filter(|&node| structure.shows(node)).map(of_sphere).sum())
             .collect();
-        let sum: Vec4 = chunks.into_iter().sum();
+        let bonds = self.bonds(spacing).map(|it| weighted(it.node, it.radius, it.stops));
+        let sum: Vec4 = chunks.into_iter().chain(bonds).sum();
         sum.truncate() / sum.w.max(f32::MIN_POSITIVE)
     }
 
@@ -124,8 +151,7 @@ impl<'a> Solids<'a> {
         let mut glow = self.scene.glows().then(|| [(); 3].map(|()| nothing()));
         let structure = self.scene.structure();
         let thickness = Thickness::new();
-        for node in (0..structure.nodes()).filter(|&node| structure.shows(node)) {
-            let (center, radius) = structure.sphere(node);
+        for Ball { node, center, radius, stops, .. } in self.balls(lattice.spacing) {
             let original = structure.original(node);
             // What leaves a ball was thrown back within it.
             let color = Vec3::from(self.scene.color(original));
@@ -135,7 +161,7 @@ impl<'a> Solids<'a> {
                 &lattice,
                 center,
                 radius,
-                |wide| thickness.of(wide),
+                |wide| stops * thickness.of(wide),
                 |place, added| {
                     // What overlaps is not thicker than what is full.
                     let added =
@@ -156,17 +182,25 @@ impl<'a> Solids<'a> {
     /// The share of each cell of a lattice that lies within bodies, where they do not overlap.
     pub(super) fn covered(&self, lattice: Lattice) -> Field {
         let mut values = pages::zeros(lattice.sample_count() as usize);
-        let structure = self.scene.structure();
-        // The ball is wider than the sphere, of which there is no more than there is.
-        let filled = |wide: f32| 4.0 / 3.0 * PI * wide.powi(3) / volume(wide);
-        for node in (0..structure.nodes()).filter(|&node| structure.shows(node)) {
-            let (center, radius) = structure.sphere(node);
+        for Ball { center, radius, holds, .. } in self.balls(lattice.spacing) {
+            // The ball is wider than the sphere, of which there is no more than there is.
+            let filled = |wide: f32| holds * 4.0 / 3.0 * PI * wide.powi(3) / volume(wide);
             spread(&lattice, center, radius, filled, |place, added| {
                 values[place] = (values[place] + added).min(1.0_f32);
             });
         }
         Field { lattice, values }
     }
+}
+
+/// A ball that stands for a sphere, or with others of its width for a bond.
+struct Ball {
+    node: u32,
+    center: Vec3,
+    radius: f32,
+    /// How much it stops of what a sphere of that radius does, and how much of its space it takes.
+    stops: f32,
+    holds: f32,
 }
 
 /// Of a tetrahedron around a sample: places that stand for its cell.

@@ -353,6 +353,26 @@ impl Shapes {
         Ok(())
     }
 
+    /// The halves of bonds of shown particles, outside the spheres of these: the particle's node, both ends, and the radius.
+    pub(crate) fn halves(&self, structure: &Structure) -> impl Iterator<Item = (u32, [Vec3; 2], f32)> {
+        let bonds = self.shapes.iter().zip(self.owners.iter()).filter_map(|it| match it {
+            (Shape::Cylinder(bond), Owner::Particles(nodes)) => Some((*bond, *nodes)),
+            _ => None,
+        });
+        let shown = bonds.filter(move |(_, nodes)| nodes.iter().all(|&node| structure.shows(node)));
+        shown.flat_map(move |(Cylinder { middle, axis, half_length, radius }, nodes)| {
+            let half = move |side: usize| {
+                let outward = if side == 0 { -axis } else { axis };
+                let end = middle + half_length * outward;
+                let (center, own) = structure.sphere(nodes[side]);
+                let inside = (own * own - radius * radius).max(0.0).sqrt() - (end - center).dot(-outward);
+                let length = half_length - inside.clamp(0.0, half_length);
+                (nodes[side], [middle, middle + length * outward], radius)
+            };
+            [half(0), half(1)]
+        })
+    }
+
     /// Those of the shown ones that `keeps` keeps, by the nodes of their particles, and all meshes.
     pub(crate) fn thinned(&self, keeps: impl Fn([u32; 2]) -> bool + Sync) -> Self {
         let mut thinned = self.clone();

@@ -11,6 +11,7 @@ use crate::render::medium::sweep::Ordinate;
 use crate::scene::Scene;
 use crate::scene::color::ParticleColors;
 use crate::scene::light::Lighting;
+use crate::structure::shapes::Segment;
 use crate::structure::{Kind, Structure};
 
 /// Spheres of one radius and color, as the medium is measured.
@@ -49,10 +50,15 @@ fn marched(
     settings: &Settings,
     samples: u32,
 ) -> Vec<Pixel> {
+    let cache = Cache::around(medium, lights, Some(Solids::new(solids)), settings, &()).unwrap();
+    marched_in(&cache, medium, lights, solids, samples)
+}
+
+/// The same in light that was found before.
+fn marched_in(cache: &Cache, medium: &Medium, lights: &[Light], solids: &Scene, samples: u32) -> Vec<Pixel> {
     let bodies = Solids::new(solids);
-    let cache = Cache::around(medium, lights, Some(bodies), settings, &()).unwrap();
     let knobs = march::Settings { samples, ..SMALL };
-    let march = March::new(medium, Illumination::Cached(&cache), lights, view(32), knobs).unwrap();
+    let march = March::new(medium, Illumination::Cached(cache), lights, view(32), knobs).unwrap();
     let mut march = march.with_solids(bodies);
     while !march.is_done() {
         march.pass(&()).unwrap();
@@ -233,6 +239,35 @@ fn spheres_that_glow_are_seen_and_light_the_matter_around_them() {
     println!("glowing: {found} and {wanted}");
     assert!((found / wanted - 1.0).abs().max_element() < 0.04, "{found} {wanted}");
     assert!(solids.set_glow(Some(&[[-1.0, 0.0, 0.0]; 14])).is_err());
+}
+
+#[test]
+fn bonds_stop_and_throw_back_smooth_light_as_in_the_reference() {
+    let mut stream = Stream::new(79, 0);
+    let centers: Vec<Vec3> = (0..30).map(|_| 0.8 * stream.cube()).collect();
+    let mut solids = spheres(&centers, 0.03, [0.1, 0.2, 0.6]);
+    let segment = |k: u32| {
+        let ends = [2 * k, 2 * k + 1];
+        Segment { from: centers[ends[0] as usize], to: centers[ends[1] as usize], ends }
+    };
+    solids.bond(&(0..15).map(segment).collect::<Vec<_>>(), 0.08).unwrap();
+    let medium = lumps(grey(4.0, 1.0, 0.0));
+    let lights = [sky([1.0; 3])];
+    let wanted = traced(&medium, &lights, &solids, None, 48);
+    let found = marched(&medium, &lights, &solids, &Settings::default(), 16);
+    let unbonded = spheres(&centers, 0.03, [0.1, 0.2, 0.6]);
+    let around = Some(Solids::new(&unbonded));
+    let cache = Cache::around(&medium, &lights, around, &Settings::default(), &()).unwrap();
+    let without = marched_in(&cache, &medium, &lights, &solids, 16);
+    let error = relative_error(&found, &wanted);
+    let total = |pixels: &[Pixel]| {
+        mean(pixels) + pixels.iter().map(|it| it.environment).sum::<Vec3>() / pixels.len() as f32
+    };
+    let [found, without, wanted] = [&found[..], &without[..], &wanted[..]].map(total);
+    println!("bonds: relMSE {error:.5}, means {found}, {without} without them in the light, and {wanted}");
+    assert!(error < 0.006, "{error}");
+    let [found, without] = [found, without].map(|it| (it / wanted - 1.0).abs().max_element());
+    assert!(found < 0.02 && without > 2.0 * found, "{found} {without}");
 }
 
 #[test]
