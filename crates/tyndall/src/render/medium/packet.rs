@@ -337,8 +337,9 @@ fn collect<L: Spectrum, const V: usize>(
         let first = (numbers[lane] as usize * STORED + at[lane] as usize) * V;
         let cell = &samples[first..first + (EDGE * EDGE + EDGE + 2) * V];
         for (row, from) in [0, EDGE, EDGE * EDGE, EDGE * EDGE + EDGE].into_iter().enumerate() {
-            for (fours, from) in corners[row].iter_mut().zip(cell[from * V..][..2 * V].chunks_exact(FOUR)) {
-                fours[lane].copy_from_slice(from);
+            let (from, _) = cell[from * V..][..2 * V].as_chunks::<FOUR>();
+            for (fours, from) in corners[row].iter_mut().zip(from) {
+                fours[lane] = *from;
             }
         }
     }
