@@ -1,11 +1,13 @@
-//! Frames that can be read in parts, for when they do not fit the memory as a whole: procedural sources and NPY arrays of positions.
+//! Frames that can be read in parts, for when they do not fit the memory as a whole: procedural sources and NPY arrays with a particle a row.
 
 use std::ops::Range;
 use std::path::Path;
 
-use tyndall::particles::{Columns, Positions};
+use tyndall::medium::density::Carrier;
+use tyndall::particles::Positions;
+use tyndall::scene::wanted::Wanted;
 use tyndall::synthetic::Synthetic;
-use tyndall::{DVec3, Particles, Progress, Result, Source, Vec3};
+use tyndall::{DVec3, Error, Particles, Progress, Result, Source, Vec3};
 
 use crate::read::{self, npy};
 
@@ -16,6 +18,8 @@ const SAMPLE: u64 = 1 << 20;
 pub struct Parts {
     kind: Kind,
     origin: DVec3,
+    /// What a picture looks at, if not all.
+    wanted: Option<Wanted>,
 }
 
 enum Kind {
@@ -26,16 +30,17 @@ enum Kind {
 impl Parts {
     /// Of a procedural source. Fails if there is none of that specification.
     pub(crate) fn of_synthetic(specification: &str) -> Result<Self> {
-        Ok(Self { kind: Kind::Synthetic(Synthetic::new(specification)?), origin: DVec3::ZERO })
+        let kind = Kind::Synthetic(Synthetic::new(specification)?);
+        Ok(Self { kind, origin: DVec3::ZERO, wanted: None })
     }
 
-    /// Of an NPY file that holds positions and nothing else; `None` for any other.
-    pub(crate) fn of_npy(path: &Path) -> Result<Option<Self>> {
+    /// Of an NPY file that has a particle a row; `None` for any other. Of attributes those that are wanted are read.
+    pub(crate) fn of_npy(path: &Path, wanted: Option<Wanted>) -> Result<Option<Self>> {
         let Some(rows) = npy::Rows::over(path, read::map(path)?)? else { return Ok(None) };
         // The middle of a sample is near the middle of all.
         let mut positions = Positions::new();
         positions.extend(&sample(rows.len(), 1 << 12).map(|id| rows.position(id)).collect::<Vec<_>>());
-        Ok(Some(Self { kind: Kind::Npy(rows), origin: positions.origin() }))
+        Ok(Some(Self { kind: Kind::Npy(rows), origin: positions.origin(), wanted }))
     }
 
     /// The point from which centers are measured.
@@ -53,11 +58,8 @@ impl Parts {
         match &self.kind {
             Kind::Synthetic(synthetic) => Ok(synthetic.sample(SAMPLE, progress)?.measured_from(self.origin)),
             Kind::Npy(rows) => {
-                let mut positions = Positions::around(self.origin);
-                for id in sample(rows.len(), SAMPLE) {
-                    positions.extend(&[rows.position(id)]);
-                }
-                Particles::new(Columns { positions, ..Columns::default() })
+                let step = rows.len().div_ceil(SAMPLE).max(1) as usize;
+                Ok(rows.every(step, self.wanted.as_ref())?.measured_from(self.origin))
             }
         }
     }
@@ -94,9 +96,30 @@ impl Source for Parts {
     }
 }
 
+impl Carrier for Parts {
+    fn part(&self, range: Range<u64>) -> Result<(Vec<Vec3>, Particles)> {
+        let mut centers = Vec::new();
+        self.read(range.clone(), &mut centers)?;
+        let particles = match &self.kind {
+            Kind::Synthetic(synthetic) => synthetic.part(range.clone())?,
+            Kind::Npy(rows) => {
+                rows.particles(range.clone(), self.wanted.as_ref())?.numbered_from(range.start)
+            }
+        };
+        let lost = particles.dropped().radius;
+        if lost > 0 {
+            let found = format!("negative or not finite for {lost} of the particles from {} on", range.start);
+            return Err(Error::setting("radius", found, "at least 0 where particles are read in parts"));
+        }
+        let of_each = |id: usize| centers[(particles.place(id) - range.start) as usize];
+        Ok(((0..particles.len()).map(of_each).collect(), particles))
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+    use tyndall::particles::{Attribute, Values};
 
     /// An NPY file of rows of three numbers.
     fn npy(rows: &[[f64; 3]], shape: &str) -> tempfile::NamedTempFile {
@@ -114,7 +137,7 @@ mod tests {
     fn parts_of_an_array_are_its_rows() {
         let rows: Vec<[f64; 3]> = (0..1000).map(|k| [1e6 + 0.5 * f64::from(k), 2.0, f64::NAN]).collect();
         let file = npy(&rows, "(1000, 3)");
-        let parts = Parts::of_npy(file.path()).unwrap().unwrap();
+        let parts = Parts::of_npy(file.path(), None).unwrap().unwrap();
         assert_eq!(parts.len(), 1000);
         let mut read = vec![Vec3::ZERO];
         parts.read(300..700, &mut read).unwrap();
@@ -127,12 +150,78 @@ mod tests {
     }
 
     #[test]
+    fn three_rows_of_a_table_are_three_particles() {
+        let rows: Vec<[f64; 3]> = (0..20).map(|k| [f64::from(k), 0.5, -1.0]).collect();
+        let parts = Parts::of_npy(npy(&rows, "(12, 5)").path(), None).unwrap().unwrap();
+        let (centers, particles) = parts.part(2..5).unwrap();
+        let place = |id: u64| parts.origin() + centers[id as usize].as_dvec3();
+        assert_eq!(
+            [0, 1, 2].map(place),
+            [[0.5, -1.0, 4.0], [5.0, 0.5, -1.0], [-1.0, 7.0, 0.5]].map(DVec3::from)
+        );
+        let last = particles.attribute("column 4").unwrap();
+        assert_eq!(
+            [0, 1, 2].map(|id| (last.number(id, 0), particles.place(id))),
+            [(-1.0, 2), (0.5, 3), (8.0, 4)]
+        );
+        assert_eq!(parts.part(0..0).unwrap().1.len(), 0);
+    }
+
+    #[test]
+    fn parts_of_structures_carry_what_the_whole_does() {
+        let mut header =
+            "{'descr': [('m', '<f4'), ('pos', '<f8', (3,)), ('kind', '|S2'), ('flow', '>f4', (2,))], \
+                          'fortran_order': False, 'shape': (500,), }"
+                .to_string();
+        header += &" ".repeat(245 - header.len());
+        let mut bytes = b"\x93NUMPY\x01\x00\xf6\x00".to_vec();
+        bytes.extend(header.bytes().chain([b'\n']));
+        for k in 0..500_u32 {
+            bytes.extend((0.5 * k as f32).to_le_bytes());
+            let x = if k % 50 == 7 { f64::NAN } else { 100.0 + f64::from(k) };
+            [x, 2.0, -1.0].iter().for_each(|it| bytes.extend(it.to_le_bytes()));
+            bytes.extend(if k % 3 == 0 { *b"ab" } else { *b"c\0" });
+            [k as f32, 1.5].iter().for_each(|it| bytes.extend(it.to_be_bytes()));
+        }
+        let file = tempfile::Builder::new().suffix(".npy").tempfile().unwrap();
+        std::fs::write(file.path(), bytes).unwrap();
+        let whole =
+            crate::read::npy::read(file.path(), &std::fs::read(file.path()).unwrap(), None, &()).unwrap();
+        let whole = whole.particles;
+        let parts = Parts::of_npy(file.path(), None).unwrap().unwrap();
+        let mut id = 0;
+        for range in [0..100, 100..107, 107..500] {
+            let (centers, particles) = parts.part(range).unwrap();
+            assert_eq!(centers.len(), particles.len());
+            for (own, center) in centers.iter().enumerate() {
+                assert_eq!(center.as_dvec3() + parts.origin(), whole.positions().world(id));
+                assert_eq!(particles.place(own), whole.place(id));
+                for attribute in whole.attributes() {
+                    let other = particles.attribute(&attribute.name).unwrap();
+                    let word = |it: &Attribute, id: usize| match &it.values {
+                        Values::Text { codes, names } => names[codes[id] as usize].clone(),
+                        _ => format!("{} {}", it.number(id, 0), it.number(id, it.components - 1)),
+                    };
+                    assert_eq!(word(other, own), word(attribute, id), "{}", attribute.name);
+                }
+                id += 1;
+            }
+        }
+        assert_eq!((id, whole.len(), parts.sample(&()).unwrap().len()), (490, 490, 490));
+        let wanted = Wanted { quantities: vec!["m".into()], ..Wanted::default() };
+        let few = Parts::of_npy(file.path(), Some(wanted)).unwrap().unwrap().part(0..3).unwrap().1;
+        assert!(few.attribute("m").is_some() && few.attribute("flow").is_none());
+    }
+
+    #[test]
     fn what_is_no_array_of_positions_has_no_parts_and_what_is_cut_short_fails() {
         let rows = [[0.0; 3]; 4];
-        assert!(Parts::of_npy(npy(&rows, "(3, 4)").path()).unwrap().is_none());
-        assert!(Parts::of_npy(npy(&rows, "(5, 3)").path()).is_err());
-        assert!(Parts::of_npy(npy(&rows, "(1000000000000, 3)").path()).is_err());
-        assert_eq!(Parts::of_npy(npy(&[], "(0, 3)").path()).unwrap().unwrap().len(), 0);
+        let parts = |file: tempfile::NamedTempFile| Parts::of_npy(file.path(), None);
+        assert!(parts(npy(&rows, "(12,)")).unwrap().is_none());
+        assert!(parts(npy(&[[0.0; 3]; 5], "(3, 5)")).unwrap().is_none());
+        assert!(parts(npy(&rows, "(5, 3)")).is_err());
+        assert!(parts(npy(&rows, "(1000000000000, 3)")).is_err());
+        assert_eq!(parts(npy(&[], "(0, 3)")).unwrap().unwrap().len(), 0);
     }
 
     #[test]

@@ -188,7 +188,7 @@ impl Sequence {
         match &self.sources[source] {
             Source::Synthetic(spec) => Parts::of_synthetic(spec).map(Some),
             Source::File(file) if file.format.has(Feature::Parts) && file.packing == Packing::Plain => {
-                Parts::of_npy(&file.path)
+                Parts::of_npy(&file.path, self.options.wanted.clone())
             }
             Source::File(_) | Source::Pieces(_) => Ok(None),
         }

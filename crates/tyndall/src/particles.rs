@@ -415,8 +415,8 @@ impl Particles {
         Ok(self)
     }
 
-    /// Those of the particles that are flagged, with their places in the file.
-    pub(crate) fn retained(self, keep: &[bool]) -> Self {
+    /// Those of the particles that are flagged, a flag for each, with their places in the file.
+    pub fn retained(self, keep: &[bool]) -> Self {
         let Self { mut positions, mut attributes, places, .. } = self;
         retain(&mut positions, &mut attributes, keep);
         let place = |id: usize| places.as_ref().map_or(id as u64, |places| places[id]);
@@ -531,6 +531,12 @@ impl Particles {
     #[inline(always)]
     pub fn place(&self, id: usize) -> u64 {
         self.places.as_ref().map_or(id as u64, |places| places[id])
+    }
+
+    /// The same particles as a part of a whole, in which their places begin with this one.
+    pub fn numbered_from(self, first: u64) -> Self {
+        let places = (0..self.len()).map(|id| first + self.place(id)).collect();
+        if first == 0 { self } else { self.with_places(places) }
     }
 
     /// The same particles with these places in the file, one for each.

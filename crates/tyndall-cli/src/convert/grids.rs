@@ -3,15 +3,15 @@
 use std::path::Path;
 use std::time::Instant;
 
+use tyndall::Error;
 use tyndall::medium::density;
 use tyndall::names::nearest;
 use tyndall::particles::Particles;
 use tyndall::scene::short;
-use tyndall::{Error, Source as _};
-use tyndall_io::Parts;
 use tyndall_io::vdb::{self, DENSITY, Grid, Precision};
 
-use crate::medium::parted;
+use crate::medium::emission::EmissionSpec;
+use crate::medium::parted::Parted;
 use crate::names::Numbers;
 use crate::output::Pattern;
 use crate::report::{Failure, Outcome, Report, bytes, counted, seconds};
@@ -37,9 +37,12 @@ pub(super) fn run(args: &args::Convert, report: &Report) -> Outcome<()> {
     let sequence = input::open(&args.input, Some(wanted), report)?;
     job.each(sequence.len(), |number, path| {
         input::refuse_to_replace(path, sequence.paths())?;
-        if let Some(parts) = parted::parts(&sequence, number, (&args.input, &args.selection), None)? {
+        let attributes = args.fields.iter().flatten().filter(|it| *it != DENSITY).count();
+        let asked = (&args.input, &args.selection);
+        let parts = Parted::of(&sequence, number, asked, (EmissionSpec::None, attributes), None)?;
+        if let Some(parts) = parts {
             report.note("particles are read in parts");
-            return grids(args, (&parts.sample(report.progress())?, Some(&parts)), report);
+            return grids(args, (&parts.sample(report)?, Some(&parts)), report);
         }
         let frame = input::read(&sequence, number, &args.input, report)?;
         let (particles, share) = selection::keep(&args.selection, frame.particles)?;
@@ -63,7 +66,7 @@ fn copy(args: &args::Convert, report: &Report) -> Outcome<()> {
 /// The density of particles, or of the parts of which they are a sample, and means of their attributes; says how they were made.
 fn grids(
     args: &args::Convert,
-    (particles, parts): (&Particles, Option<&Parts>),
+    (particles, parts): (&Particles, Option<&Parted>),
     report: &Report,
 ) -> Outcome<Vec<Grid>> {
     let names = args.fields.clone().unwrap_or_else(|| vec![DENSITY.to_string()]);
@@ -73,11 +76,10 @@ fn grids(
     // A file has the lattice alone, whose samples are means where bricks are finer.
     let settings = density::Settings { fields, finer: settings.finer.or(Some(0)), ..settings };
     let start = Instant::now();
-    let volume = match parts {
-        Some(parts) => parted::density(parts, &settings, &args.input, report)?,
-        None => density::estimate(particles, &settings, report.progress())?,
+    let (volume, count) = match parts {
+        Some(parts) => parts.density(&settings, &args.input, report)?,
+        None => (density::estimate(particles, &settings, report.progress())?, particles.len()),
     };
-    let count = parts.map_or(particles.len(), |it| it.len() as usize);
     report.detail(format_args!("density: {}", seconds(start.elapsed().as_secs_f64())));
     volume.notes.iter().for_each(|note| report.detail(note));
     let [x, y, z] = volume.density.size();

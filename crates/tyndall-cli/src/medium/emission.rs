@@ -103,7 +103,7 @@ impl EmissionSpec {
     }
 
     /// The particles with the quantity that it is of as an attribute, and that attribute's name; `None` if it is of none.
-    pub(super) fn prepare(&self, particles: Particles) -> Outcome<(Particles, Option<String>)> {
+    pub(super) fn prepare(&self, particles: Particles) -> Result<(Particles, Option<String>)> {
         let (name, numbers) = {
             let Some(quantity) = self.quantity(&particles)? else { return Ok((particles, None)) };
             let ids = (0..particles.len()).into_par_iter();
@@ -138,6 +138,11 @@ impl EmissionSpec {
             return Err(Error::setting(format!("{FLAG} {name}"), value, "kelvins of at least 0"));
         }
         Ok(Some(quantity))
+    }
+
+    /// Whether it is of a quantity that each particle has.
+    pub(super) fn is_of_particles(&self) -> bool {
+        self.grid().is_some()
     }
 
     /// Which grid of a file of grids it is of; `None` if of none.

@@ -7,17 +7,18 @@ use std::time::Instant;
 use tyndall::medium::noise::advection::Advection;
 use tyndall::medium::{Medium, density};
 use tyndall::particles::Particles;
-use tyndall::{Cell, DVec3, Error, Source as _};
+use tyndall::{Cell, DVec3, Error};
 use tyndall_io::annotation::Behind;
 use tyndall_io::read::Described;
-use tyndall_io::{Frame, Parts, Sequence, write};
+use tyndall_io::{Frame, Sequence, write};
 
 use super::bodies::Bodies;
 use super::drift::Drift;
 use super::emission::Values;
+use super::parted::Parted;
 use super::picture::Renderer;
 use super::values::NoiseMotion;
-use super::{Content, Job, Scene, estimate, parted, statistics};
+use super::{Content, Job, Scene, estimate, statistics};
 use crate::names::Numbers;
 use crate::output::{Output, Pattern};
 use crate::report::{Failure, Outcome, counted};
@@ -39,14 +40,13 @@ struct Facts<'a> {
 }
 
 /// Particles of a frame.
-struct Selected {
+struct Selected<'a> {
     /// All of them, if they are read in parts.
-    parts: Option<Parts>,
+    parts: Option<Parted<'a>>,
     /// All, or a sample of the parts.
     particles: Particles,
     /// The name of the attribute that emits, if one does.
     emitting: Option<String>,
-    count: usize,
     /// What share of the frame they are, if not all.
     share: Option<String>,
 }
@@ -87,8 +87,9 @@ impl Job<'_> {
                     let own = own(number);
                     let read = || input::read_ahead((&sequence, ahead), own, &self.args.input, self.report);
                     let selected = self.selected(&sequence, own, kept.as_ref(), read)?;
-                    let Selected { parts, particles, emitting, count, share } = selected;
-                    let mut density = self.density((&particles, parts.as_ref()), emitting, kept.as_ref())?;
+                    let Selected { parts, particles, emitting, share } = selected;
+                    let (mut density, count) =
+                        self.density((&particles, parts.as_ref()), emitting, kept.as_ref())?;
                     if let Some(statistics) = &statistics {
                         let settings = self.density_settings(None);
                         let text = statistics::json((&particles, count), &settings, &density);
@@ -131,11 +132,11 @@ impl Job<'_> {
     fn dry_run_of_particles(&self, sequence: &Sequence, pictures: &[plan::Picture]) -> Outcome<()> {
         let number = pictures[0].frame.min(sequence.len() - 1);
         let read = || input::read(sequence, number, &self.args.input, self.report);
-        let Selected { parts, particles, emitting, count, .. } =
-            self.selected(sequence, number, None, read)?;
+        let Selected { parts, particles, emitting, .. } = self.selected(sequence, number, None, read)?;
+        let count = parts.as_ref().map_or(particles.len(), Parted::count);
         let settings = self.density_settings(emitting);
         let (lattice, bytes) = match &parts {
-            Some(parts) => parted::plan(parts, &settings, self.report)?,
+            Some(parts) => parts.plan(&settings, self.report)?,
             None => density::plan(&particles, &settings, self.report.progress())?,
         };
         let secs = estimate::density_seconds(&settings, &lattice, rayon::current_num_threads());
@@ -150,24 +151,25 @@ impl Job<'_> {
         number: usize,
         kept: Option<&Scene>,
         read: impl FnOnce() -> Outcome<Frame>,
-    ) -> Outcome<Selected> {
+    ) -> Outcome<Selected<'_>> {
         let asked = (&self.args.input, &self.args.selection);
-        let parts = parted::parts(sequence, number, asked, self.args.method.memory)?;
+        let emission = self.emission_spec();
+        let attributes = usize::from(emission.is_of_particles());
+        let parts = Parted::of(sequence, number, asked, (emission, attributes), self.args.method.memory)?;
         let parts = match kept {
             Some(scene) => parts.map(|it| it.measured_from(scene.origin)),
             None => parts,
         };
         let (particles, share) = match &parts {
-            Some(parts) => (parts.sample(self.report.progress())?, Some("read in parts".into())),
+            Some(parts) => (parts.sample(self.report)?, Some("read in parts".into())),
             None => selection::keep(&self.args.selection, read()?.particles)?,
         };
-        let count = parts.as_ref().map_or(particles.len(), |it| it.len() as usize);
         let particles = match kept {
             Some(scene) => particles.measured_from(scene.origin),
             None => particles,
         };
         let (particles, emitting) = self.emission_spec().prepare(particles)?;
-        Ok(Selected { parts, particles, emitting, count, share })
+        Ok(Selected { parts, particles, emitting, share })
     }
 
     /// Renders densities from files; `load` gives the name and the density of a frame of `count`, or another array of the same file.

@@ -32,7 +32,7 @@ use tyndall::scene::short;
 use tyndall::structure::Spheres;
 use tyndall::{DVec3, Error, Vec3};
 use tyndall_io::read;
-use tyndall_io::{Parts, vdb};
+use tyndall_io::vdb;
 
 use self::args::{CacheName, MethodName, NoiseKindName, OpticsName};
 use self::emission::{EmissionSpec, Source, Values};
@@ -47,6 +47,7 @@ use crate::sources::{self, Sources};
 use crate::values::Background;
 use crate::{dry_run, render};
 use bodies::Bodies;
+use parted::Parted;
 use values::{NoiseMotion, Rgb};
 
 /// Whether files are grids of OpenVDB, as the first of them is.
@@ -304,13 +305,13 @@ impl Job<'_> {
         density::Settings { fields: field.into_iter().collect(), ..settings }
     }
 
-    /// From particles to their density, and a field beside it; after the first frame as there.
+    /// From particles to their density, and a field beside it; after the first frame as there. Gives too how many they are.
     fn density(
         &self,
-        (particles, parts): (&Particles, Option<&Parts>),
+        (particles, parts): (&Particles, Option<&Parted>),
         field: Option<String>,
         kept: Option<&Scene>,
-    ) -> Outcome<Volume> {
+    ) -> Outcome<(Volume, usize)> {
         let mut settings = self.density_settings(field);
         if let Some(scene) = kept {
             if settings.resolution == Resolution::Automatic {
@@ -320,9 +321,9 @@ impl Job<'_> {
             settings.length = scene.length.or(settings.length);
         }
         let start = Instant::now();
-        let volume = match parts {
-            Some(parts) => parted::density(parts, &settings, &self.args.input, self.report)?,
-            None => density::estimate(particles, &settings, self.report.progress())?,
+        let (volume, count) = match parts {
+            Some(parts) => parts.density(&settings, &self.args.input, self.report)?,
+            None => (density::estimate(particles, &settings, self.report.progress())?, particles.len()),
         };
         self.report.detail(format_args!("density: {}", seconds(start.elapsed().as_secs_f64())));
         let statistics = &volume.statistics;
@@ -339,7 +340,7 @@ impl Job<'_> {
             }
         }
         volume.notes.iter().for_each(|note| self.report.detail(note));
-        Ok(volume)
+        Ok((volume, count))
     }
 
     fn described(&self, count: usize, volume: &Volume) -> Vec<String> {

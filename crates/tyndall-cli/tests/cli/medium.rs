@@ -640,10 +640,31 @@ fn particles_beyond_the_memory_are_read_in_parts_for_the_same_picture() {
         assert!(said.contains(part), "'{part}' is not in: {said}");
     }
     assert_eq!(png(&folder.path("parts.png")).0, png(&folder.path("whole.png")).0);
-    for more in ["--smoothing scatter", "--clip z>0", "--emission age", "--weight age"] {
-        let ran = folder.render(&format!("{many} --memory 4M -o no.png {more}"));
-        ran.fails(2, &["do not fit the memory"]);
+    for more in [
+        "--clip x>0.1L",
+        "--weight age",
+        "--emission blackbody:5000*age",
+        "--emission age --select age<0.5 --clip y>0 --select index>100",
+    ] {
+        folder.render(&format!("{many} -o whole.png {more}")).fine();
+        let said = folder.render(&format!("{many} --memory 4M -o parts.png -v {more}")).fine();
+        assert!(said.contains("read in parts"), "{said}");
+        assert_eq!(png(&folder.path("parts.png")).0, png(&folder.path("whole.png")).0, "{more}");
     }
+    for (more, said) in [("--smoothing scatter", "do not fit the memory"), ("--weight hue", "hue")] {
+        folder.render(&format!("{many} --memory 4M -o no.png {more}")).fails(2, &[said]);
+    }
+    // A table of places and masses, of which no cell is known.
+    let mut header = "{'descr': '<f4', 'fortran_order': False, 'shape': (20000, 5), }".to_string();
+    header += &" ".repeat(117 - header.len());
+    let mut bytes = [b"\x93NUMPY\x01\x00\x76\x00", header.as_bytes(), b"\n"].concat();
+    for k in 0..20_000_u32 {
+        let at = |step: u32| (k.wrapping_mul(step) % 997) as f32 / 997.0;
+        [at(17), at(229), at(613), 1.0, at(71)].iter().for_each(|it| bytes.extend(it.to_le_bytes()));
+    }
+    folder.file("table.npy", bytes);
+    let table = "table.npy --mode medium --grid 16 --size 32x24 --samples 1 --cache single";
+    folder.render(&format!("{table} -o no.png --memory 0.5M --clip x>0.1L")).fails(2, &["not in L"]);
     let dry = folder.render(&format!("{many} --memory 4M -o no.png --dry-run"));
     assert!(dry.fine().contains("80,000 particles"));
 }

@@ -264,6 +264,11 @@ fn point(text: &str) -> Option<DVec3> {
 }
 
 impl Clip {
+    /// Whether it is measured by the particles' cell, or where they have none, by where they are.
+    pub fn is_share(&self) -> bool {
+        matches!(self.shape, Shape::Axis { of_cell: true, .. })
+    }
+
     /// What is kept lies in all of these. A size that is meant as a share is one of the particles' cell, or if they have none, of the box
     /// around their centers.
     pub fn half_spaces(&self, particles: &Particles) -> Vec<HalfSpace> {

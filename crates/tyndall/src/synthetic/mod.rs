@@ -88,14 +88,18 @@ impl Synthetic {
     /// At most `count` of the particles, spread evenly over all, with all that [`generate`] would say of them.
     pub fn sample(&self, count: u64, progress: &dyn Progress) -> Result<Particles> {
         let step = self.count.div_ceil(count.max(1)).max(1);
-        let law = Box::new(EveryNth { law: &*self.plan.law, step });
-        let plan = Plan {
-            law,
-            radii: self.plan.radii.clone(),
-            attributes: self.plan.attributes.clone(),
-            ..self.plan
-        };
-        make(plan, self.count.div_ceil(step), self.radius, progress)
+        self.some(EveryNth { law: &*self.plan.law, first: 0, step }, self.count.div_ceil(step), progress)
+    }
+
+    /// The particles in a range, with all that [`generate`] would say of them and their places among all.
+    pub fn part(&self, range: Range<u64>) -> Result<Particles> {
+        let law = EveryNth { law: &*self.plan.law, first: range.start, step: 1 };
+        Ok(self.some(law, range.end - range.start, &())?.numbered_from(range.start))
+    }
+
+    fn some(&self, law: EveryNth, count: u64, progress: &dyn Progress) -> Result<Particles> {
+        let (radii, attributes) = (self.plan.radii.clone(), self.plan.attributes.clone());
+        make(Plan { law: Box::new(law), radii, attributes, ..self.plan }, count, self.radius, progress)
     }
 }
 
@@ -112,15 +116,23 @@ impl Source for Synthetic {
     }
 }
 
-/// Every `step`th particle of a law.
+/// Every `step`th particle of a law, from one on.
 struct EveryNth<'a> {
     law: &'a dyn Law,
+    first: u64,
     step: u64,
 }
 
 impl Law for EveryNth<'_> {
     fn particle(&self, k: u64) -> Particle {
-        self.law.particle(k * self.step)
+        self.law.particle(self.first + k * self.step)
+    }
+
+    fn run(&self, range: Range<u64>, take: &mut dyn FnMut(Particle)) {
+        match self.step {
+            1 => self.law.run(self.first + range.start..self.first + range.end, take),
+            _ => range.for_each(|k| take(self.particle(k))),
+        }
     }
 }
 

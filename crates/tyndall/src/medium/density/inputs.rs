@@ -115,8 +115,11 @@ pub(super) fn fields<'a>(particles: &'a Particles, names: &[String]) -> Result<V
         let attribute = particles.attribute(name).ok_or_else(|| no_attribute(particles, name))?;
         let numbers = 0..particles.len() * attribute.components;
         if let Some(place) = numbers.into_iter().find(|&place| !attribute.values.number(place).is_finite()) {
-            let value =
-                format!("{} (particle {})", attribute.values.number(place), place / attribute.components);
+            let value = format!(
+                "{} (particle {})",
+                attribute.values.number(place),
+                particles.place(place / attribute.components)
+            );
             return Err(Error::setting(name, value, "a finite number for every particle"));
         }
         fields.extend((0..attribute.components).map(|component| (attribute, component)));

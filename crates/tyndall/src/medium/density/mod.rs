@@ -31,7 +31,7 @@ use self::gather::{Gather, Rule};
 use self::scatter::Scatter;
 pub use self::spread::{Spread, spread};
 use self::statistics::Statistics;
-pub use self::stream::{particle_bytes, plan_stream, stream};
+pub use self::stream::{Carrier, particle_bytes, plan_stream, stream};
 use self::volume::Filling;
 use super::cells::{CELL, Cells, Column};
 use super::grid::{Grid, Lattice};

@@ -5,6 +5,7 @@
 //! [`super::estimate`] finds them. Memory holds the grid and those particles. Invariant: samples and what is chosen are those of
 //! [`super::estimate`], bit for bit, whatever is held at once.
 
+mod carried;
 mod survey;
 
 #[cfg(test)]
@@ -15,14 +16,15 @@ use super::block::Block;
 use super::finer::{self, Parted};
 use super::gather::{Gather, Rule};
 use super::volume::Filling;
-use super::{Settings, Smoothing, Volume, Weight, inputs};
+use super::{Field, Settings, Smoothing, Volume, inputs};
 use crate::error::{Error, Result};
 use crate::math::Bounds;
-use crate::medium::cells::{CELL, Cells};
+use crate::medium::cells::{CELL, Cells, Column};
 use crate::medium::grid::{BRICK, Lattice};
 use crate::medium::kernel::{CubicSpline, Kernel, Poly6, Shape, WendlandC2};
 use crate::progress::Progress;
-use crate::source::Source;
+pub use carried::Carrier;
+use carried::Load;
 use survey::{Marks, Survey};
 
 /// Particles that are held at once, at most: they take a gigabyte.
@@ -30,19 +32,18 @@ const AT_ONCE: u64 = 1 << 24;
 /// How often a particle may be gathered, on average. More than that says that almost all of them are near every sample.
 const MOST_GATHERED: u64 = 16;
 
-/// Estimates the density of a source of particles, each of which weighs 1. Returns too how many were not finite.
+/// Estimates the density of a source of particles. Returns too how many were not finite.
 ///
 /// Samples are those that [`estimate`](super::estimate) finds of the same particles. Half of `memory_bytes` may be taken by particles, a
 /// gigabyte at most. Fails with [`Error::Setting`] where [`estimate`](super::estimate) does, and for what needs all particles at once (the
-/// scatter) or more than where they are (fields, weights); with [`Error::Memory`] if the grid, or the particles around a single brick, do not
-/// fit; and with [`Error::Interrupted`].
-pub fn stream(source: &dyn Source, settings: &Settings, progress: &dyn Progress) -> Result<(Volume, u64)> {
+/// scatter); with [`Error::Memory`] if the grid, or the particles around a single brick, do not fit; and with [`Error::Interrupted`].
+pub fn stream(source: &dyn Carrier, settings: &Settings, progress: &dyn Progress) -> Result<(Volume, u64)> {
     stream_by(source, settings, at_once(settings), progress)
 }
 
 /// Where the samples of [`stream`] will lie, and the most memory that it will take at one time, in bytes. Fails as it does.
 pub fn plan_stream(
-    source: &dyn Source,
+    source: &dyn Carrier,
     settings: &Settings,
     progress: &dyn Progress,
 ) -> Result<(Lattice, u64)> {
@@ -50,36 +51,33 @@ pub fn plan_stream(
     Ok((lattice, bytes))
 }
 
-/// Memory that `count` particles of weight 1 take where they are all in it, and while [`estimate`](super::estimate) has sorted them.
-pub fn particle_bytes(count: u64) -> u64 {
-    held_bytes(count)
+/// Memory that `count` particles take where they are all in it with so many values beside their places, their weight being one, and while
+/// [`estimate`](super::estimate) has sorted them.
+pub fn particle_bytes(count: u64, columns: usize) -> u64 {
+    (8 + 4 * columns as u64) * count + automatic::particle_bytes(count as usize, columns)
 }
 
 /// How many particles may be held at once.
 fn at_once(settings: &Settings) -> u64 {
-    settings.memory_bytes.map_or(AT_ONCE, |bytes| (bytes / 2 / held_bytes(1)).min(AT_ONCE))
-}
-
-/// Memory of particles that are held: where they are, and sorted.
-fn held_bytes(count: u64) -> u64 {
-    12 * count + automatic::particle_bytes(count as usize, 1)
+    let of_one = particle_bytes(1, 1 + settings.fields.len());
+    settings.memory_bytes.map_or(AT_ONCE, |bytes| (bytes / 2 / of_one).min(AT_ONCE))
 }
 
 fn stream_by(
-    source: &dyn Source,
+    source: &dyn Carrier,
     settings: &Settings,
     at_once: u64,
     progress: &dyn Progress,
 ) -> Result<(Volume, u64)> {
     let planned = Planned::new(source, settings, at_once, progress)?;
-    let Planned { survey, lattice, longest, bytes, .. } = &planned;
+    let Planned { survey, load, lattice, longest, bytes, .. } = &planned;
     let mut notes = planned.notes.clone();
     let regions = Regions::over(survey, lattice, *longest, at_once)?.found;
     let all: Vec<&Region> = regions.iter().collect();
-    let mut filling = Filling::new(*lattice, 1);
+    let mut filling = Filling::new(*lattice, load.columns());
     progress.begin("density", Some(regions.iter().map(Region::brick_count).sum()), "bricks");
-    let whole = planned.each_reading(source, (&all, at_once), progress, |cells, numbers| {
-        gather(cells, settings, *longest, (&mut filling, Samples::OfLattice(numbers)), progress)
+    let whole = planned.each_reading((&all, at_once), progress, |held, numbers| {
+        gather(held, (settings, *longest), (&mut filling, Samples::OfLattice(numbers)), progress)
     })?;
 
     let (most, room_bytes) = finer::most(settings);
@@ -89,17 +87,24 @@ fn stream_by(
     let found = |number: usize| parted.binary_search_by_key(&number, |it| it.brick).ok();
     let again: Vec<&Region> =
         regions.iter().filter(|it| it.bricks(lattice).any(|number| found(number).is_some())).collect();
-    let refined = planned.each_reading(source, (&again, at_once), progress, |cells, numbers| {
+    let refined = planned.each_reading((&again, at_once), progress, |held, numbers| {
         let own: Vec<Parted> =
             numbers.iter().filter_map(|&number| found(number)).map(|it| parted[it]).collect();
-        gather(cells, settings, *longest, (&mut filling, Samples::Finer(&own)), progress)
+        gather(held, (settings, *longest), (&mut filling, Samples::Finer(&own)), progress)
     })?;
     let readings = whole + refined;
     notes.push(format!("particles gathered in {readings} readings of the source, at most {at_once} at once"));
     let (mut grids, statistics) = filling.finish();
     let (length, peak_bytes) = (Some(*longest), *bytes);
-    let density = grids.remove(0);
-    let volume = Volume { density, fields: Vec::new(), statistics, length, peak_bytes, notes };
+    let products = grids.split_off(1);
+    let named = load.fields.iter().zip(products);
+    let fields = named.map(|((name, component), product)| Field {
+        name: name.clone(),
+        component: *component,
+        product,
+    });
+    let (density, fields) = (grids.remove(0), fields.collect());
+    let volume = Volume { density, fields, statistics, length, peak_bytes, notes };
     Ok((volume, source.len() - survey.kept))
 }
 
@@ -112,17 +117,22 @@ enum Samples<'a> {
     Finer(&'a [Parted]),
 }
 
+/// Particles that are held, sorted, and their values.
+struct Held {
+    cells: Cells,
+    columns: Vec<Column>,
+}
+
 /// Fills bricks from the particles around them.
 fn gather(
-    cells: &Cells,
-    settings: &Settings,
-    longest: f32,
+    Held { cells, columns }: &Held,
+    (settings, longest): (&Settings, f32),
     (filling, samples): (&mut Filling, Samples),
     progress: &dyn Progress,
 ) -> Result<()> {
-    let weights = vec![[settings.kernel.normalization() as f32; CELL]; cells.centers().len()];
+    let columns: Vec<&[[f32; CELL]]> = columns.iter().map(|it| &it[..]).collect();
     let (block, rule) = (Block::new(filling.lattice().spacing), Rule::of(settings));
-    let (target, columns) = (settings.neighbors as f32, &[&weights[..]][..]);
+    let (target, columns) = (settings.neighbors as f32, &columns[..]);
     match settings.kernel {
         Kernel::CubicSpline => fill(
             &Gather { cells, block, shape: CubicSpline, rule, longest, target, columns },
@@ -158,7 +168,10 @@ fn fill(
 }
 
 /// What is decided before the work.
-struct Planned {
+struct Planned<'a> {
+    source: &'a dyn Carrier,
+    settings: &'a Settings,
+    load: Load<'a>,
     survey: Survey,
     lattice: Lattice,
     /// h0.
@@ -168,16 +181,22 @@ struct Planned {
     notes: Vec<String>,
 }
 
-impl Planned {
-    fn new(source: &dyn Source, settings: &Settings, at_once: u64, progress: &dyn Progress) -> Result<Self> {
+impl<'a> Planned<'a> {
+    fn new(
+        source: &'a dyn Carrier,
+        settings: &'a Settings,
+        at_once: u64,
+        progress: &dyn Progress,
+    ) -> Result<Self> {
         check(settings)?;
         let survey = Survey::of(source, progress)?;
         inputs::check(survey.kept, settings)?;
+        let mut notes = Vec::new();
+        let load = Load::of(source, settings, &mut notes)?;
         let sorted = match automatic::asks(settings) {
             true => survey.lengths(source, settings.neighbors, at_once, progress)?,
             false => Vec::new(),
         };
-        let mut notes = Vec::new();
         let (lattice, longest) = automatic::choose(survey.bounds, settings, &sorted, &mut notes)?;
         let reached = || {
             let mut reached = Reached::none(&lattice);
@@ -186,19 +205,35 @@ impl Planned {
                 .for_each(|it| reached.add(it.grown(longest.max(lattice.spacing) + lattice.spacing)));
             reached.count()
         };
-        let held = held_bytes(at_once.min(survey.kept)) + Survey::BYTES;
-        let bytes = automatic::check_memory(held, reached, (&lattice, 1), settings)?;
-        Ok(Self { survey, lattice, longest, bytes, notes })
+        let columns = load.columns();
+        let held = particle_bytes(at_once.min(survey.kept), columns) + Survey::BYTES;
+        let bytes = automatic::check_memory(held, reached, (&lattice, columns), settings)?;
+        Ok(Self { source, settings, load, survey, lattice, longest, bytes, notes })
+    }
+
+    /// Sorts the particles in marked cells.
+    fn held(&self, marks: &Marks, progress: &dyn Progress) -> Result<Held> {
+        let (positions, values) = self.survey.gather_loaded(self.source, marks, &self.load, progress)?;
+        let cells = Cells::within(self.survey.bounds, positions.len(), |place| positions[place]);
+        drop(positions);
+        let mut columns: Vec<Column> = values.iter().map(|values| cells.column(|id| values[id])).collect();
+        if columns.is_empty() {
+            columns.push(vec![[1.0; CELL]; cells.centers().len()]);
+        }
+        let normalization = self.settings.kernel.normalization() as f32;
+        for value in columns.iter_mut().flat_map(|it| it.as_flattened_mut()) {
+            *value *= normalization;
+        }
+        Ok(Held { cells, columns })
     }
 
     /// Reads the source as often as it takes to sort the particles of all regions, at most `at_once` at a time; `act` gets some with the
     /// numbers of the bricks around which they are. Returns how many readings there were.
     fn each_reading(
         &self,
-        source: &dyn Source,
         (regions, at_once): (&[&Region], u64),
         progress: &dyn Progress,
-        mut act: impl FnMut(&Cells, &[usize]) -> Result<()>,
+        mut act: impl FnMut(&Held, &[usize]) -> Result<()>,
     ) -> Result<usize> {
         let (mut left, mut readings) = (regions, 0);
         while !left.is_empty() {
@@ -210,26 +245,17 @@ impl Planned {
             let (some, others) = left.split_at(left.iter().take_while(fits).count());
             let mut marks = Marks::none();
             some.iter().for_each(|it| marks.add(&self.survey, it.reach(&self.lattice, self.longest)));
-            let positions = self.survey.gather(source, &marks, progress)?;
-            let cells = Cells::within(self.survey.bounds, positions.len(), |place| positions[place]);
-            drop(positions);
+            let held = self.held(&marks, progress)?;
             let numbers: Vec<usize> = some.iter().flat_map(|it| it.bricks(&self.lattice)).collect();
-            act(&cells, &numbers)?;
+            act(&held, &numbers)?;
             (left, readings) = (others, readings + 1);
         }
         Ok(readings)
     }
 }
 
-/// Refuses what needs more than where particles are, some of them at a time.
+/// Refuses what needs more than some particles at a time.
 fn check(settings: &Settings) -> Result<()> {
-    let alone = "left out: the particles do not fit the memory with what each has of its own";
-    if let Some(field) = settings.fields.first() {
-        return Err(Error::setting("field", field, alone));
-    }
-    if let Weight::Attribute(name) = &settings.weight {
-        return Err(Error::setting("weight", name, alone));
-    }
     if settings.smoothing == Smoothing::Scatter {
         let allowed =
             "a gather, such as three-pass: the particles do not fit the memory, and each needs its neighbors";
@@ -307,7 +333,8 @@ impl<'a> Regions<'a> {
             return Ok(());
         }
         if is_one || self.gathered + particles > most {
-            return Err(too_many(particles, self.at_once, &format!("within {} of a brick", self.longest)));
+            let place = format!("within {} of a brick", self.longest);
+            return Err(too_many((particles, self.at_once), &place));
         }
         let axis = (0..3).max_by_key(|&axis| end[axis] - first[axis]).unwrap_or(0);
         let (mut middle_end, mut middle_first) = (end, first);
@@ -319,11 +346,11 @@ impl<'a> Regions<'a> {
 }
 
 /// So many particles would have to be held at once.
-fn too_many(particles: u64, at_once: u64, place: &str) -> Error {
+fn too_many((particles, at_once): (u64, u64), place: &str) -> Error {
     Error::Memory {
         what: format!("{particles} particles {place}"),
-        needed_bytes: 2 * held_bytes(particles),
-        available_bytes: 2 * held_bytes(at_once),
+        needed_bytes: 2 * particle_bytes(particles, 1),
+        available_bytes: 2 * particle_bytes(at_once, 1),
         hint: "take a shorter longest smoothing length, fewer neighbors or fewer particles".into(),
     }
 }

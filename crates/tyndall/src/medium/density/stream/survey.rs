@@ -3,11 +3,13 @@
 //! Its cells are runs of the curve along which [`Cells`] sorts, so that ranks along it are known before anything is sorted: the particles that
 //! are asked how far their neighbors are can be the same as where all are in memory.
 
+use std::ops::Range;
 use std::sync::atomic::{AtomicU32, Ordering};
 
 use glam::Vec3;
 use rayon::prelude::*;
 
+use super::carried::{Carrier, Load};
 use super::too_many;
 use crate::error::{Error, Result};
 use crate::math::Bounds;
@@ -138,6 +140,33 @@ impl Survey {
         })
     }
 
+    /// The particles in marked cells with their values, in their order.
+    pub(super) fn gather_loaded(
+        &self,
+        source: &dyn Carrier,
+        marks: &Marks,
+        load: &Load,
+        progress: &dyn Progress,
+    ) -> Result<(Vec<Vec3>, Vec<Vec<f32>>)> {
+        if load.is_bare {
+            return Ok((self.gather(source, marks, progress)?, Vec::new()));
+        }
+        let found = ranges(source, progress, |_, range| {
+            let (centers, particles) = source.part(range)?;
+            let columns = load.values(&particles)?;
+            let is_wanted: Vec<bool> = centers.iter().map(|it| marks.0[self.cell(*it)]).collect();
+            let columns: Vec<Vec<f32>> = columns.iter().map(|column| kept(column, &is_wanted)).collect();
+            Ok((kept(&centers, &is_wanted), columns))
+        })?;
+        let mut columns = vec![Vec::new(); load.columns()];
+        let mut all = Vec::new();
+        for (centers, values) in found {
+            all.extend(centers);
+            columns.iter_mut().zip(values).for_each(|(column, values)| column.extend(values));
+        }
+        Ok((all, columns))
+    }
+
     /// The particles in marked cells, in their order.
     pub(super) fn gather(
         &self,
@@ -170,7 +199,7 @@ impl Survey {
                 let unmarked = next.cells().rows().flatten().filter(|&cell| !marks.0[cell]);
                 held += unmarked.map(|cell| u64::from(self.counts[cell])).sum::<u64>();
                 if held > at_once && some.is_empty() {
-                    return Err(too_many(held, at_once, "among which neighbors are looked for"));
+                    return Err(too_many((held, at_once), "among which neighbors are looked for"));
                 }
                 if held > at_once {
                     open.push(next);
@@ -256,7 +285,7 @@ impl Survey {
             };
             let (some, others) = left.split_at(left.iter().take_while(fits).count());
             if some.is_empty() {
-                return Err(too_many(held, at_once, "at about one place"));
+                return Err(too_many((held, at_once), "at about one place"));
             }
             some.iter().for_each(|(cell, _)| marks.0[*cell] = true);
             let positions = self.gather(source, &marks, progress)?;
@@ -303,15 +332,31 @@ fn parts<T: Send>(
     progress: &dyn Progress,
     make: impl Fn(&[Vec3]) -> T + Sync,
 ) -> Result<Vec<T>> {
+    ranges(source, progress, |centers, range| {
+        source.read(range, centers)?;
+        Ok(make(centers))
+    })
+}
+
+/// What is made of each part of a source, in their order; `make` has room for centers.
+fn ranges<T: Send>(
+    source: &dyn Source,
+    progress: &dyn Progress,
+    make: impl Fn(&mut Vec<Vec3>, Range<u64>) -> Result<T> + Sync,
+) -> Result<Vec<T>> {
     let starts: Vec<u64> = (0..source.len()).step_by(PART as usize).collect();
-    let read = |centers: &mut Vec<Vec3>, start: u64| {
+    let one = |centers: &mut Vec<Vec3>, start: u64| {
         if progress.cancelled() {
             return Err(Error::Interrupted);
         }
-        source.read(start..(start + PART).min(source.len()), centers)?;
-        Ok(make(centers))
+        make(centers, start..(start + PART).min(source.len()))
     };
-    starts.into_par_iter().with_max_len(1).map_init(Vec::new, read).collect()
+    starts.into_par_iter().with_max_len(1).map_init(Vec::new, one).collect()
+}
+
+/// The values that are flagged.
+fn kept<T: Copy>(values: &[T], flags: &[bool]) -> Vec<T> {
+    values.iter().zip(flags).filter_map(|(&value, &flag)| flag.then_some(value)).collect()
 }
 
 /// Where a cell lies.

@@ -6,9 +6,11 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use glam::{DVec3, Vec3};
 
 use super::*;
-use crate::medium::density::{Resolution, estimate};
-use crate::particles::{Columns, Particles, Positions};
+use crate::medium::Grid;
+use crate::medium::density::{Resolution, Weight, estimate};
+use crate::particles::{Attribute, Columns, Particles, Positions, Values};
 use crate::random::Stream;
+use crate::source::Source;
 
 /// Particles in memory that pretend not to be, and count how many of them were read.
 struct Hidden {
@@ -29,6 +31,26 @@ impl Source for Hidden {
     }
 }
 
+impl Carrier for Hidden {
+    fn part(&self, range: Range<u64>) -> Result<(Vec<Vec3>, Particles)> {
+        let places = &self.places[range.start as usize..range.end as usize];
+        let centers = places.iter().copied().filter(|it| it.is_finite()).collect();
+        self.read.fetch_add(range.end - range.start, Ordering::Relaxed);
+        Ok((centers, particles(places, range.start)))
+    }
+}
+
+/// With masses and a vector, by where they are.
+fn particles(places: &[Vec3], first: u64) -> Particles {
+    let offsets = [0, 1, 2].map(|axis| places.iter().map(|it| it[axis]).collect());
+    let positions = Positions::from_offsets(DVec3::ZERO, offsets);
+    let masses = places.iter().map(|it| (it.x - 3.0 * it.y).abs()).collect();
+    let flow = places.iter().flat_map(|it| [it.z, it.x * it.y, 1.0 - it.x]).collect();
+    let attributes =
+        vec![Attribute::new("m", 1, Values::F32(masses)), Attribute::new("flow", 3, Values::F32(flow))];
+    Particles::new(Columns { positions, attributes, ..Columns::default() }).unwrap().numbered_from(first)
+}
+
 /// Particles of one of four kinds: a cube, a dense core with tails, a plane, a few places. Some are lost.
 fn hidden(seed: u64, count: usize) -> Hidden {
     let mut stream = Stream::new(407, seed);
@@ -43,21 +65,20 @@ fn hidden(seed: u64, count: usize) -> Hidden {
 }
 
 fn in_memory(hidden: &Hidden) -> Particles {
-    let offsets = [0, 1, 2].map(|axis| hidden.places.iter().map(|it| it[axis]).collect());
-    let positions = Positions::from_offsets(DVec3::ZERO, offsets);
-    Particles::new(Columns { positions, ..Columns::default() }).unwrap()
+    particles(&hidden.places, 0)
 }
 
-/// The bits of all that a density is, also between its samples.
+/// The bits of all that a density and the fields beside it are, also between samples.
 fn bits(volume: &Volume) -> (Lattice, Option<u32>, Vec<[u32; 2]>) {
     let (lattice, [x, y, z]) = (volume.density.lattice(), volume.density.size());
-    let value = |place: u32| {
+    let grids = std::iter::once(&volume.density).chain(volume.fields.iter().map(|it| &it.product));
+    let value = |grid: &Grid, place: u32| {
         let sample = [place % x, place / x % y, place / (x * y)];
         let between = lattice.position(sample) + 0.375 * lattice.spacing;
-        [volume.density.value(sample[0], sample[1], sample[2]), volume.density.density(between)]
-            .map(f32::to_bits)
+        [grid.value(sample[0], sample[1], sample[2]), grid.density(between)].map(f32::to_bits)
     };
-    (lattice, volume.length.map(f32::to_bits), (0..x * y * z).map(value).collect())
+    let values = grids.flat_map(|grid| (0..x * y * z).map(move |place| value(grid, place)));
+    (lattice, volume.length.map(f32::to_bits), values.collect())
 }
 
 #[test]
@@ -73,6 +94,9 @@ fn a_streamed_density_is_that_of_all_in_memory() {
             length: [None, Some(0.3)][stream.below(2)],
             resolution: [Resolution::Samples(13), Resolution::Automatic][usize::from(seed == 1)],
             finer: Some(seed as u32 % 3),
+            weight: [Weight::One, Weight::Automatic, Weight::Attribute("mass".into())][stream.below(3)]
+                .clone(),
+            fields: [vec![], vec!["flow".to_string(), "m".into()]][stream.below(2)].clone(),
             ..Settings::default()
         };
         let whole = estimate(&in_memory(&hidden), &settings, &());
@@ -82,6 +106,10 @@ fn a_streamed_density_is_that_of_all_in_memory() {
                 (Ok(whole), Ok((streamed, lost))) => {
                     assert!(bits(whole) == bits(&streamed), "seed {seed}, {at_once} at once");
                     assert_eq!(whole.statistics, streamed.statistics, "seed {seed}");
+                    let names = |volume: &Volume| {
+                        volume.fields.iter().map(|it| (it.name.clone(), it.component)).collect::<Vec<_>>()
+                    };
+                    assert_eq!(names(whole), names(&streamed), "seed {seed}");
                     assert_eq!(lost, hidden.len() / 100 + u64::from(hidden.len() % 100 > 77), "seed {seed}");
                 }
                 (Err(whole), Err(streamed)) => assert_eq!(whole.to_string(), streamed.to_string()),
@@ -122,7 +150,8 @@ fn what_must_be_in_memory_is_refused() {
     };
     refuses("scatter", Settings { smoothing: Smoothing::Scatter, ..Settings::default() });
     refuses("heat", Settings { fields: vec!["heat".into()], ..Settings::default() });
-    refuses("mass", Settings { weight: Weight::Attribute("mass".into()), ..Settings::default() });
+    refuses("hat", Settings { weight: Weight::Attribute("hat".into()), ..Settings::default() });
+    refuses("components", Settings { weight: Weight::Attribute("flow".into()), ..Settings::default() });
     refuses("neighbors", Settings { neighbors: 0, ..Settings::default() });
     let none = Hidden { places: vec![Vec3::NAN; 3], read: AtomicU64::new(0) };
     assert!(stream(&none, &Settings::default(), &()).is_err());
