@@ -39,16 +39,27 @@ fn small(name: &str) -> Option<(&str, &str)> {
 
 /// Passes on to the loop of atoms: the names of its columns; `None` if a single atom stands as items instead.
 fn atoms(path: &Path, tokens: &mut Tokens) -> Result<Option<Vec<String>>> {
-    let mut has_items = false;
+    let (mut has_items, mut is_crystal) = (false, false);
     while let Some(event) = tokens.next_event() {
         match event {
             Event::Loop(names) if is_of_atoms(&names[0]) => return Ok(Some(names)),
             Event::Item(name, _) => has_items |= is_of_atoms(&name),
-            Event::Loop(_) => {}
+            Event::Loop(names) => {
+                is_crystal |= names.iter().any(|it| it.eq_ignore_ascii_case("_atom_site_fract_x"));
+            }
         }
     }
     if has_items {
         return Ok(None);
+    }
+    if is_crystal {
+        let what = "this CIF is of a crystal: its atoms stand for others by symmetry, at fractions of the cell's edges";
+        return Err(Error::format(
+            path,
+            "",
+            what,
+            "convert it: ase convert IN OUT.extxyz, which applies the symmetry",
+        ));
     }
     let what = "no atoms: this file has no loop _atom_site";
     let hint = "files of structure factors and dictionaries have none: give that of coordinates";
@@ -289,6 +300,8 @@ mod tests {
                 .contains("the last row of _atom_site has 12 values of 13")
         );
         assert!(message("data_x\n_entry.id x\n").contains("no loop _atom_site"));
+        let crystal = "data_x\nloop_\n_atom_site_label\n_atom_site_fract_x\nNa 0.5\n";
+        assert!(message(crystal).contains("is of a crystal"));
         assert!(message(&SMALL.replace("Cartn_z", "fract_z")).contains("no column Cartn_z"));
         let start = SMALL.find("ATOM 1").unwrap();
         let end = SMALL.find("\nloop_\n_pdbx").unwrap();

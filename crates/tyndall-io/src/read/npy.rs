@@ -23,6 +23,7 @@ use self::archive::{Archive, Entry};
 use self::header::{Fault, Header};
 use self::quantity::{Array, Data, Quantity};
 use super::records::{self, Field, Layout, Source};
+use super::table;
 use crate::sequence::Frame;
 
 pub(crate) use self::rows::Rows;
@@ -254,8 +255,8 @@ fn take_positions<'a>(
             return Ok((rows, axes));
         }
     }
-    let vectors: Vec<usize> =
-        (0..quantities.len()).filter(|&place| quantities[place].vector().is_some()).collect();
+    let may_be = |it: &Quantity| it.vector().is_some() && !table::is_other_vector(&it.name);
+    let vectors: Vec<usize> = (0..quantities.len()).filter(|&place| may_be(&quantities[place])).collect();
     let of_three = |place: &&usize| quantities[**place].vector().is_some_and(|it| it.components == 3);
     let mut threes = vectors.iter().filter(of_three);
     let place = match (&vectors[..], threes.next(), threes.next()) {

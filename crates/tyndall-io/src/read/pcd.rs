@@ -96,7 +96,7 @@ impl Header {
                 "HEIGHT" => height = Some(number().ok_or_else(wrong)?),
                 "POINTS" => points = Some(number().ok_or_else(wrong)?),
                 "VIEWPOINT" => posed = words != ["0", "0", "0", "1", "0", "0", "0"],
-                "DATA" => match words.first().map(String::as_str) {
+                "DATA" => match words.first().map(|it| it.to_ascii_lowercase()).as_deref() {
                     Some("ascii") => break Form::Text,
                     Some("binary") => break Form::Records,
                     Some("binary_compressed") => break Form::Packed,

@@ -127,7 +127,12 @@ fn shape(head: &[u8]) -> Option<Shape> {
     let header_line =
         !tokens.iter().any(|token| is_number(token, separator)) && tokens.iter().any(|it| !it.is_empty());
     let rows = if header_line { &body[1..] } else { &body[..] };
-    let fields = rows.first().map_or(tokens.len(), |row| rows::split(row, separator).count());
+    let count = |row: &&[u8]| rows::split(row, separator).count();
+    let first = rows.first().map_or(tokens.len(), count);
+    // The first row may lack its last value, behind a separator.
+    let is_open =
+        rows.first().is_some_and(|row| separator.byte.is_some() && row.last() == separator.byte.as_ref());
+    let fields = first + usize::from(is_open && rows.iter().map(count).max() == Some(first + 1));
     let has_number =
         rows.first().is_none_or(|row| rows::split(row, separator).any(|it| is_number(it, separator)));
     if !has_number {
@@ -167,8 +172,15 @@ fn comment_names(line: &[u8], separator: Separator, fields: usize) -> Option<Vec
 /// The separator of lines that are no comments.
 fn separator(lines: &[&[u8]]) -> Separator {
     let has = |line: &&[u8], byte: u8| memchr::memchr(byte, line).is_some();
+    // Between the numbers of some rows stand tabs and blanks.
+    let is_mixed = |line: &&[u8]| {
+        let words: Vec<&[u8]> = rows::split(line, Separator::BLANKS).collect();
+        words.len() > 1 + memchr::memchr_iter(b'\t', line).count()
+            && words.iter().all(|it| is_number(it, Separator::BLANKS))
+    };
     for byte in [b';', b'\t', b','] {
-        if lines.iter().all(|line| has(line, byte)) {
+        let is_mixed = || byte == b'\t' && lines.last().is_some_and(is_mixed);
+        if lines.iter().all(|line| has(line, byte)) && !is_mixed() {
             // Between semicolons or tabs a comma is a decimal point, unless there are points too.
             let numbers = if lines.len() > 1 { &lines[1..] } else { lines };
             let commas = numbers.iter().any(|line| has(line, b','));
@@ -184,6 +196,38 @@ pub(crate) fn coordinates(names: &[String]) -> Option<(usize, usize, Option<usiz
     let names: Vec<String> = names.iter().map(|it| name_and_unit(it).0.to_ascii_lowercase()).collect();
     let place = |name: &str| names.iter().position(|it| it == name);
     COORDINATES.iter().find_map(|[x, y, z]| Some((place(x)?, place(y)?, place(z))))
+}
+
+/// Whether an array of vectors with this name is something else than positions.
+pub(crate) fn is_other_vector(name: &str) -> bool {
+    const OTHERS: [&str; 24] = [
+        "vel",
+        "velocity",
+        "velocities",
+        "v",
+        "acc",
+        "acceleration",
+        "accelerations",
+        "force",
+        "forces",
+        "momentum",
+        "momenta",
+        "normal",
+        "normals",
+        "color",
+        "colors",
+        "colour",
+        "rgb",
+        "box",
+        "cell",
+        "cells",
+        "lattice",
+        "boxsize",
+        "cell_lengths",
+        "cell_angles",
+    ];
+    let name = name_and_unit(name).0;
+    OTHERS.iter().any(|it| it.eq_ignore_ascii_case(name))
 }
 
 /// `x [m]` and `x (m)` are the name and the unit.
@@ -418,6 +462,23 @@ mod tests {
         let frame = read("x,y,z,radius\n1,,3,1\nnan,2,3,1\n1,2,inf,1\n1,2,3,-1\n1,2,3,1\n");
         assert_eq!((frame.particles.len(), frame.particles.dropped().position), (1, 3));
         assert_eq!(frame.particles.dropped().radius, 1);
+    }
+
+    #[test]
+    fn the_first_row_may_lack_its_last_value() {
+        let frame = read("x,y,z,q\n1,2,3,\n4,5,6,7\n");
+        let q = frame.particles.attribute("q").unwrap();
+        assert!(q.number(0, 0).is_nan() && q.number(1, 0) == 7.0);
+        assert!(recognise(b"x,y,z,q\n1,2,3,\n4,5,6,7\n", Path::new("a.csv")));
+    }
+
+    #[test]
+    fn tabs_and_blanks_may_stand_between_the_numbers_of_a_row() {
+        let frame = read("# id x y z\n  7 1.5\t2 3  \n8 4\t5 6\n");
+        assert_eq!(frame.particles.positions().world(0), DVec3::new(1.5, 2.0, 3.0));
+        assert_eq!(names(&frame), ["id"]);
+        // Words between tabs may have blanks in them.
+        assert_eq!(names(&read("x\ty\tz\tname\n1\t2\t3\ta b\n")), ["name"]);
     }
 
     #[test]

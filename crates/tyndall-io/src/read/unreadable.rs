@@ -28,6 +28,11 @@ const KNOWN: &[Known] = &[
         way_out: "save it as PRT 1 in Krakatoa or Stoke, or export the points as PLY",
     },
     Known {
+        name: "DualSPHysics .bi4",
+        is: is_bi4,
+        way_out: "convert it with the program PartVTK of DualSPHysics: PartVTK -dirin OUT -savevtk OUT/PartFluid",
+    },
+    Known {
         name: "MegaMol MMSPD",
         is: |head| head.starts_with(b"MMSPD"),
         way_out: "save it as MMPLD with MegaMol",
@@ -73,6 +78,49 @@ const KNOWN: &[Known] = &[
         way_out: "end them with LF: tr '\\r' '\\n' < IN > OUT",
     },
     Known {
+        name: "trajectory of ASE",
+        is: |head| head.starts_with(b"- of Ulm"),
+        way_out: "convert it: ase convert IN OUT.extxyz",
+    },
+    Known {
+        name: "LAMMPS dump in YAML",
+        is: |head| head.starts_with(b"---") && head_has(head, b"creator: LAMMPS"),
+        way_out: "write it with dump style custom or atom",
+    },
+    Known {
+        name: "mesh (STL)",
+        is: |head| head.starts_with(b"solid") && head_has(head, b"facet normal"),
+        way_out: "it is drawn beside particles: --mesh FILE",
+    },
+    Known {
+        name: "USD in a package (.usdz)",
+        is: |head| head.starts_with(b"PK\x03\x04") && (head_has(head, b".usdc") || head_has(head, b".usda")),
+        way_out: "convert it: usdcat IN -o OUT.usda",
+    },
+    Known {
+        name: "archive (zip)",
+        is: |head| head.starts_with(b"PK\x03\x04") || head.starts_with(b"PK\x05\x06"),
+        way_out: "unpack it: unzip IN",
+    },
+    Known {
+        name: "archive (tar)",
+        is: |head| head.get(257..262) == Some(&b"ustar"[..]),
+        way_out: "unpack it: tar -xf IN",
+    },
+    Known {
+        name: "LZMA",
+        is: |head| {
+            head.starts_with(b"\x5d\0\0")
+                && head.get(5..13).is_some_and(|it| it == [0xff; 8] || it[6..] == [0; 2])
+        },
+        way_out: "unpack it: unlzma IN, or pack it with gzip, zstd, bzip2 or xz",
+    },
+    Known {
+        name: "compress (.Z)",
+        is: |head| head.starts_with(b"\x1f\x9d"),
+        way_out: "unpack it: uncompress IN, or pack it with gzip, zstd, bzip2 or xz",
+    },
+    Known {
         name: "LZ4",
         is: |head| head.starts_with(b"\x04\x22\x4d\x18"),
         way_out: "unpack it, or pack it with gzip, zstd, bzip2 or xz",
@@ -93,9 +141,14 @@ fn head_has(head: &[u8], word: &[u8]) -> bool {
 /// Whether HDF5 begins here.
 pub(super) fn is_hdf5(head: &[u8]) -> bool {
     // A user block of a power of two may stand before it.
-    [0, 512, 1024, 2048, 4096]
-        .iter()
-        .any(|&at| head.get(at..).is_some_and(|it| it.starts_with(b"\x89HDF\r\n\x1a\n")))
+    let places = std::iter::once(0).chain((9..usize::BITS).map(|power| 1 << power));
+    let mut heads = places.map_while(|at| head.get(at..));
+    heads.any(|it| it.starts_with(b"\x89HDF\r\n\x1a\n"))
+}
+
+/// Whether a title of sixty bytes, `#File` and what is in it, stands before binary data.
+fn is_bi4(head: &[u8]) -> bool {
+    head.starts_with(b"#File ") && head.get(58) == Some(&b'\n') && !super::is_text(head)
 }
 
 fn is_houdini_json(head: &[u8]) -> bool {
@@ -112,7 +165,19 @@ mod tests {
 
     #[test]
     fn known_beginnings_are_named_with_a_way_out() {
-        let cases: [(&[u8], &str); 9] = [
+        let bi4 = [&b"#File JPartDataBi4"[..], &[b' '; 40], b"\n\0\x01\0\0\0"].concat();
+        let mut tar = vec![0; 512];
+        tar[257..262].copy_from_slice(b"ustar");
+        let cases: [(&[u8], &str); 18] = [
+            (&bi4, "DualSPHysics .bi4"),
+            (&tar, "tar"),
+            (b"- of UlmASE-Trajectory", "ASE"),
+            (b"---\ncreator: LAMMPS\n", "YAML"),
+            (b"solid x\nfacet normal 0 0 1\n", "STL"),
+            (b"PK\x03\x04............................a.usdc", "usdz"),
+            (b"PK\x03\x04............................a.dump", "zip"),
+            (b"\x5d\0\0\x80\0\xff\xff\xff\xff\xff\xff\xff\xff\0", "LZMA"),
+            (b"\x1f\x9d\x90", "compress"),
             (b"\xff\xfex\0,\0y\0\n\0", "UTF-16"),
             (b"x,y,z\r1,2,3\r", "CR alone"),
             (b"FEA1\0\0\0\0", "Feather 1"),

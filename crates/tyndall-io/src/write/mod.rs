@@ -226,7 +226,7 @@ fn kind(path: &Path) -> Result<Kind> {
         _ => Err(Error::setting(
             "-o",
             path.display(),
-            "the extension says what to write; known: .png .jpg .exr",
+            "the extension says what to write; known: .png .jpg .exr, of movies .mp4 .gif .webp",
         )),
     }
 }

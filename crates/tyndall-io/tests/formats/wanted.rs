@@ -79,6 +79,61 @@ fn attributes_that_nobody_looks_at_are_left_out() {
     assert_eq!(left_out(&fixture("odd.xyz"), &wanted("auto", &[])), 0);
 }
 
+#[test]
+fn of_every_format_an_attribute_alone_is_as_among_all() {
+    // What some attribute of theirs leaves out.
+    let mut lean = vec![
+        "binary.pcd",
+        "text.pcd",
+        "packed.pcd",
+        "houdini.geo",
+        "houdini.bgeo",
+        "renderman.ptc",
+        "saved.tyn",
+        "fixed_and_varying.h5md",
+        "scan.laz",
+        "swift.hdf5",
+        "arrays.npz",
+        "lammps.dump",
+        "extended.xyz",
+    ];
+    if cfg!(feature = "parquet") {
+        lean.extend(["groups_snappy.parquet", "feather_lz4.feather", "stream.arrows"]);
+    }
+    let mut left = std::collections::BTreeSet::new();
+    for folder in ["samples", "hdf5"] {
+        for entry in std::fs::read_dir(fixture(folder)).unwrap() {
+            let path = entry.unwrap().path();
+            let read = |wanted: Option<Wanted>| {
+                let options = Options { wanted, ..Options::default() };
+                Sequence::open(std::slice::from_ref(&path), &options, &()).and_then(|it| it.frame(0, &()))
+            };
+            let Ok(all) = read(None) else { continue };
+            let all = all.particles;
+            for attribute in all.attributes() {
+                let wanted = Wanted {
+                    coloring: Coloring::Constant([0.0; 3]),
+                    one_of: vec![vec![attribute.name.clone()]],
+                    ..Wanted::default()
+                };
+                let some = read(Some(wanted)).unwrap_or_else(|error| panic!("{error}")).particles;
+                let what = format!("{}, {}", path.display(), attribute.name);
+                assert!(some.positions() == all.positions() && some.dropped() == all.dropped(), "{what}");
+                let [found, wanted] = [&some, &all].map(|it| format!("{:?}", it.attribute(&attribute.name)));
+                assert_eq!(found, wanted, "{what}");
+                assert_eq!(some.bonds().len(), all.bonds().len(), "{what}");
+                let radius = |it: &Particles| it.radii().map(|radii| it.radius(radii, 0));
+                assert!(some.is_empty() || radius(&some) == radius(&all), "{what}");
+                if some.attributes().len() < all.attributes().len() {
+                    left.insert(path.file_name().unwrap().to_str().unwrap().to_string());
+                }
+            }
+        }
+    }
+    lean.retain(|it| !left.contains(*it));
+    assert_eq!(lean, [""; 0], "all attributes are read of these, whatever is wanted");
+}
+
 /// The names of the attributes that are read of a file where only these quantities are wanted.
 fn names(path: &Path, quantities: &[&str]) -> Vec<String> {
     let wanted = Wanted {

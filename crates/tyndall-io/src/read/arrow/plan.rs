@@ -152,7 +152,8 @@ impl Plan {
             self.length_unit = x.unit.clone().or_else(|| table::name_and_unit(&x.name).1.map(str::to_string));
             return Ok(());
         }
-        let vectors: Vec<usize> = (0..self.leaves.len()).filter(|&it| is_vector(&self.leaves[it])).collect();
+        let may_be = |it: &Leaf| is_vector(it) && !table::is_other_vector(&it.name);
+        let vectors: Vec<usize> = (0..self.leaves.len()).filter(|&it| may_be(&self.leaves[it])).collect();
         if let [place] = vectors[..] {
             self.conventions.push(format!("'{}' is taken as the positions", self.leaves[place].name));
             self.take_vector(place);

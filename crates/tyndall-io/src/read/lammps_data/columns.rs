@@ -3,7 +3,7 @@
 use tyndall::scene::grouped;
 
 /// The columns of each atom style, without the image flags that may follow. Source: LAMMPS documentation of `read_data`.
-const STYLES: [(&str, &str); 29] = [
+const STYLES: [(&str, &str); 30] = [
     ("angle", "id mol type x y z"),
     ("atomic", "id type x y z"),
     ("body", "id type bodyflag mass x y z"),
@@ -19,6 +19,7 @@ const STYLES: [(&str, &str); 29] = [
     ("full", "id mol type q x y z"),
     ("line", "id mol type lineflag density x y z"),
     ("mdpd", "id type rho x y z"),
+    ("mesont", "id mol type bond_nt mass mradius mlength buckling x y z"),
     ("molecular", "id mol type x y z"),
     ("oxdna", "id type x y z"),
     ("peri", "id type volume density x y z"),

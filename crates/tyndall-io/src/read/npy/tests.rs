@@ -204,6 +204,16 @@ fn a_file_cut_anywhere_is_refused() {
     }
 }
 
+#[test]
+fn a_box_is_no_positions() {
+    let mut zip = zip::ZipWriter::new(std::io::Cursor::new(Vec::new()));
+    for (name, shape, count) in [("R.npy", "(2, 4, 3)", 24), ("box.npy", "(3, 3)", 9)] {
+        zip.start_file(name, zip::write::SimpleFileOptions::default()).unwrap();
+        std::io::Write::write_all(&mut zip, &array("'<f4'", "False", shape, &floats(count))).unwrap();
+    }
+    assert!(message(zip.finish().unwrap().into_inner()).contains("of shape (N, 3), was wanted"));
+}
+
 /// A directory that lists one small entry a thousand times would unpack to a thousand times its size.
 #[test]
 fn archives_with_overlapping_entries_are_refused() {
