@@ -1,4 +1,5 @@
-//! HDF5, by what is in it: snapshots of Gadget, AREPO, GIZMO and SWIFT, H5MD trajectories, openPMD series, or plain data sets.
+//! HDF5, by what is in it: snapshots of Gadget, AREPO, GIZMO and SWIFT, H5MD trajectories, openPMD series, VTKHDF, or
+//! plain data sets.
 //!
 //! The crate hdf5-reader, pure Rust, finds groups and decodes chunks; `tree.rs` is all that knows it. A dialect says which data
 //! sets are positions and quantities (`Run`), and `columns.rs` brings their rows into columns, some thousand at a time, so that
@@ -8,6 +9,7 @@ mod attributes;
 mod columns;
 mod connectivity;
 mod filters;
+mod forms;
 mod gadget;
 mod h5md;
 mod neighbors;
@@ -15,6 +17,7 @@ mod openpmd;
 mod plain;
 mod swift;
 mod tree;
+mod vtkhdf;
 
 use std::path::Path;
 
@@ -34,6 +37,7 @@ enum Dialect {
     Snapshot,
     H5md,
     OpenPmd,
+    VtkHdf,
     Plain,
 }
 
@@ -46,6 +50,8 @@ impl Dialect {
             Self::H5md
         } else if root.attributes()?.text("openPMD").is_some() {
             Self::OpenPmd
+        } else if vtkhdf::root(tree)?.is_some() {
+            Self::VtkHdf
         } else if has("Header") && groups.iter().any(|it| gadget::type_number(it).is_some()) {
             Self::Snapshot
         } else {
@@ -58,12 +64,14 @@ impl Dialect {
 pub(crate) fn index(path: &Path, bytes: &[u8], options: &Options) -> Result<Index> {
     let tree = Tree::open(path, bytes)?;
     let dialect = Dialect::of(&tree)?;
-    if let (Some(types), Dialect::H5md | Dialect::Plain) = (&options.types, &dialect) {
+    if let (Some(types), Dialect::H5md | Dialect::VtkHdf | Dialect::Plain) = (&options.types, &dialect) {
         let allowed =
             "given for this file, which is no snapshot and has no types to choose from; use --filter";
         return Err(Error::setting("type", types.join(","), allowed));
     }
-    if let (Some(dataset), Dialect::Snapshot | Dialect::OpenPmd) = (&options.dataset, &dialect) {
+    if let (Some(dataset), Dialect::Snapshot | Dialect::OpenPmd | Dialect::VtkHdf) =
+        (&options.dataset, &dialect)
+    {
         let allowed = "given for this file, whose format says where the positions are";
         return Err(Error::setting("dataset", dataset, allowed));
     }
@@ -74,6 +82,7 @@ pub(crate) fn index(path: &Path, bytes: &[u8], options: &Options) -> Result<Inde
         }
         Dialect::H5md => (h5md::frames(&tree, options)?, "H5MD".to_string(), Vec::new()),
         Dialect::OpenPmd => (openpmd::frames(&tree)?, openpmd::title(&tree)?, Vec::new()),
+        Dialect::VtkHdf => (vtkhdf::frames(&tree)?, "VTKHDF".to_string(), Vec::new()),
         Dialect::Plain => {
             let (frames, title) = plain::index(&tree, options)?;
             (frames, title, Vec::new())
@@ -99,6 +108,7 @@ pub(crate) fn frame(
         Dialect::Snapshot => gadget::frame(&tree, options, progress),
         Dialect::H5md => h5md::frame(&tree, number, options, progress),
         Dialect::OpenPmd => openpmd::frame(&tree, number, options, progress),
+        Dialect::VtkHdf => vtkhdf::frame(&tree, number, options, progress),
         Dialect::Plain => plain::frame(&tree, number, options, progress),
     }
 }

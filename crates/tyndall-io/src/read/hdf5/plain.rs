@@ -1,16 +1,18 @@
 //! Plain HDF5: a data set of N rows of coordinates, or one for each axis, and beside it others with N rows.
 //!
 //! The positions are the data set that the caller names, else the one that is called like positions, else the only one of two or
-//! three columns. H5Part keeps its frames in groups `Step#0`, `Step#1`, …: then each of these is a frame.
+//! three columns. H5Part keeps its frames in groups `Step#0`, `Step#1`, …: then each of these is a frame. Positions in three dimensions
+//! are those of frames, as MDTraj and AMBER (NetCDF-4) keep them, with cells as lengths and angles.
 
 use std::collections::HashSet;
+use std::ops::Range;
 
-use tyndall::{Error, Progress, Result};
+use tyndall::{Cell, Error, Progress, Result};
 
 use super::columns::{self, Input, Run, Term};
 use super::tree::{Data, Group, Tree};
-use crate::read::records;
 use crate::read::sections::{self, Column};
+use crate::read::{molecules, records, table};
 use crate::sequence::{Frame, Options};
 
 /// What positions are called, best first.
@@ -24,6 +26,8 @@ const DEPTH: usize = 8;
 enum Place {
     /// A data set with a row for each particle: its group and name.
     Rows(String, String),
+    /// A data set with a row for each particle of each frame.
+    Frames(String, String),
     /// Data sets for each axis: their group and names.
     Axes(String, [String; 3]),
 }
@@ -31,14 +35,14 @@ enum Place {
 impl Place {
     fn group(&self) -> &str {
         match self {
-            Self::Rows(group, _) | Self::Axes(group, _) => group,
+            Self::Rows(group, _) | Self::Frames(group, _) | Self::Axes(group, _) => group,
         }
     }
 
     /// How it is named to people.
     fn path(&self) -> String {
         let (group, name) = match self {
-            Self::Rows(group, name) => (group, name.clone()),
+            Self::Rows(group, name) | Self::Frames(group, name) => (group, name.clone()),
             Self::Axes(group, names) => (group, names.join(",")),
         };
         if group.is_empty() { name } else { format!("{group}/{name}") }
@@ -60,10 +64,28 @@ fn steps(tree: &Tree) -> Result<Vec<String>> {
 pub(super) fn index(tree: &Tree, options: &Options) -> Result<(usize, String)> {
     let steps = steps(tree)?;
     if steps.is_empty() {
-        find(tree, "", options)?;
-        return Ok((1, "HDF5".to_string()));
+        let place = find(tree, "", options)?;
+        let frames = match &place {
+            Place::Frames(group, name) => frames(tree, group, name)?,
+            Place::Rows(..) | Place::Axes(..) => 1,
+        };
+        return Ok((frames, "HDF5".to_string()));
     }
     Ok((steps.len(), "H5Part HDF5".to_string()))
+}
+
+/// How many frames positions have.
+fn frames(tree: &Tree, group: &str, name: &str) -> Result<usize> {
+    let data = match tree.group(group)? {
+        Some(group) => group.dataset(name)?,
+        None => None,
+    };
+    let frames = data.and_then(|it| it.shape().first().copied()).unwrap_or(0);
+    if frames > tree.bytes() {
+        let what = format!("{frames} frames in a file of {} bytes", tree.bytes());
+        return Err(tree.fault(name, what, "was the file copied to its end?"));
+    }
+    Ok(frames as usize)
 }
 
 /// The positions in a group or below it.
@@ -88,10 +110,17 @@ fn find(tree: &Tree, group: &str, options: &Options) -> Result<Place> {
     // A name counts more than anything else; of equal ones the first.
     let rank = |place: &Place| match place {
         Place::Axes(..) => Some(NAMES.len()),
-        Place::Rows(_, name) => NAMES.iter().position(|it| it.eq_ignore_ascii_case(name)),
+        Place::Rows(_, name) | Place::Frames(_, name) => {
+            NAMES.iter().position(|it| it.eq_ignore_ascii_case(name))
+        }
     };
     let best = places.iter().filter_map(rank).min();
-    let candidates: Vec<&Place> = places.iter().filter(|it| best.is_none() || rank(it) == best).collect();
+    let may_be = |place: &Place| match place {
+        Place::Rows(_, name) | Place::Frames(_, name) => !table::is_other_vector(name),
+        Place::Axes(..) => true,
+    };
+    let is_candidate = |place: &&Place| if best.is_none() { may_be(place) } else { rank(place) == best };
+    let candidates: Vec<&Place> = places.iter().filter(is_candidate).collect();
     match candidates[..] {
         [] => {
             let what = "no data set has rows of two or three coordinates";
@@ -126,6 +155,10 @@ fn collect(
         if shape.len() == 2 && (2..=3).contains(&shape[1]) && data.is_number() {
             places.push(Place::Rows(group.path().to_string(), name.clone()));
         }
+        let is_named = || NAMES.iter().any(|it| it.eq_ignore_ascii_case(name));
+        if shape.len() == 3 && (2..=3).contains(&shape[2]) && data.is_number() && is_named() {
+            places.push(Place::Frames(group.path().to_string(), name.clone()));
+        }
     }
     for axes in [["x", "y", "z"], ["X", "Y", "Z"], ["pos_x", "pos_y", "pos_z"]] {
         let is_axis = |name: &&str| -> Result<bool> {
@@ -145,6 +178,68 @@ fn collect(
     Ok(())
 }
 
+/// What stands beside positions.
+#[derive(Default)]
+pub(super) struct Beside {
+    pub(super) columns: Vec<Column>,
+    pub(super) values: Vec<Input>,
+    /// Data sets that are no quantities of these particles.
+    pub(super) left_out: Vec<String>,
+    pub(super) warnings: Vec<String>,
+}
+
+/// Where the rows of a data set with this name and extent are: indices of the dimensions before them, and which ones; `None` if it has none
+/// for these particles.
+type Rows<'a> = dyn Fn(&str, &[u64]) -> Result<Option<(Vec<u64>, Range<usize>)>> + 'a;
+
+/// The quantities in a group, but those of `others`.
+pub(super) fn beside(group: &Group, others: &[String], rows: &Rows) -> Result<Beside> {
+    let mut beside = Beside::default();
+    for name in group.datasets()?.into_iter().filter(|it| !others.contains(it)) {
+        let Some(data) = group.dataset(&name)? else { continue };
+        let Some((lead, range)) = rows(&name, data.shape())?.filter(|_| data.is_number()) else {
+            beside.left_out.push(name);
+            continue;
+        };
+        let unit = unit(&data);
+        match data.quantity(&lead)? {
+            Ok(rows) => match rows.within(range) {
+                Some(rows) => {
+                    beside.columns.push(Column { unit, ..Column::new(name, rows.width) });
+                    beside.values.push(Input::Rows(rows));
+                }
+                None => beside.left_out.push(name),
+            },
+            Err(why) => beside.warnings.push(format!("left out: {name} ({why})")),
+        }
+    }
+    Ok(beside)
+}
+
+/// The unit that a data set tells.
+fn unit(data: &Data) -> Option<String> {
+    let attributes = data.attributes();
+    let mut words = ["unit", "units", "Unit", "Units"].into_iter().filter_map(|it| attributes.text(it));
+    words.find(|it| !it.is_empty())
+}
+
+/// The cell of a frame whose edges and angles, in degrees, stand beside the positions.
+fn cell(group: &Group, frame: usize) -> Result<Option<Cell>> {
+    let three = |name: &str| -> Result<Option<[f64; 3]>> {
+        let Some(data) = group.dataset(name)?.filter(|it| it.is_number() && it.shape().last() == Some(&3))
+        else {
+            return Ok(None);
+        };
+        let lead = if data.shape().len() == 2 { vec![frame as u64] } else { Vec::new() };
+        let numbers = data.rows(&lead)?.numbers()?;
+        Ok(numbers.first_chunk().copied())
+    };
+    let lengths = three("cell_lengths")?;
+    Ok(lengths
+        .zip(three("cell_angles")?)
+        .and_then(|(lengths, angles)| molecules::cell_of_angles(lengths, angles)))
+}
+
 /// Reads a frame.
 pub(super) fn frame(tree: &Tree, number: usize, options: &Options, progress: &dyn Progress) -> Result<Frame> {
     let steps = steps(tree)?;
@@ -155,46 +250,53 @@ pub(super) fn frame(tree: &Tree, number: usize, options: &Options, progress: &dy
     let dataset = |name: &str| -> Result<Data> {
         group.dataset(name)?.ok_or_else(|| tree.fault(name, "it is gone", "was the file changed?"))
     };
-    let (names, positions, count) = match &place {
-        Place::Rows(_, name) => {
-            let rows = dataset(name)?.rows(&[])?;
+    let mut length_unit = None;
+    let (names, positions, count, frames) = match &place {
+        Place::Rows(_, name) | Place::Frames(_, name) => {
+            let data = dataset(name)?;
+            length_unit = unit(&data);
+            let is_series = matches!(place, Place::Frames(..));
+            let frames = is_series.then(|| data.shape()[0]);
+            let lead = if is_series { vec![number as u64] } else { Vec::new() };
+            let rows = data.rows(&lead)?;
             let count = rows.count;
-            (vec![name.clone()], Input::Rows(rows), count)
+            (vec![name.clone()], Input::Rows(rows), count, frames)
         }
         Place::Axes(_, names) => {
             let rows = names.iter().map(|name| dataset(name)?.rows(&[])).collect::<Result<Vec<_>>>()?;
             let count = rows[0].count;
             let sums = rows.into_iter().map(|rows| vec![Term::Rows(rows, 1.0)]).collect();
-            (names.to_vec(), Input::Sums(sums), count)
+            (names.to_vec(), Input::Sums(sums), count, None)
         }
     };
-
-    let (mut columns, mut values, mut warnings) = (Vec::new(), Vec::new(), Vec::new());
-    let mut left_out = Vec::new();
-    for name in group.datasets()?.into_iter().filter(|it| !names.contains(it)) {
-        let data = dataset(&name)?;
-        if data.shape().first() != Some(&(count as u64)) || !data.is_number() {
-            left_out.push(name);
-            continue;
-        }
-        let attributes = data.attributes();
-        let unit = ["unit", "units", "Unit", "Units"]
-            .into_iter()
-            .find_map(|it| attributes.text(it))
-            .filter(|it| !it.is_empty());
-        match data.quantity(&[])? {
-            Ok(rows) => {
-                columns.push(Column { unit, ..Column::new(name, rows.width) });
-                values.push(Input::Rows(rows));
-            }
-            Err(why) => warnings.push(format!("left out: {name} ({why})")),
-        }
-    }
+    let cell = if frames.is_some() { cell(&group, number)? } else { None };
+    let rows = |_: &str, shape: &[u64]| {
+        let of_frame = frames.is_some_and(|frames| shape.get(..2) == Some(&[frames, count as u64][..]));
+        let of_all = shape.first() == Some(&(count as u64));
+        let lead = if of_frame { vec![number as u64] } else { Vec::new() };
+        Ok((of_frame || of_all).then_some((lead, 0..count)))
+    };
+    let Beside { columns, values, mut left_out, mut warnings } = beside(&group, &names, &rows)?;
     let flags = sections::flags(&columns, options.wanted.as_ref());
     let (columns, values) = (sections::flagged(columns, &flags), sections::flagged(values, &flags));
     let run = Run { count, positions, values };
     let mut gathered = columns::gather(tree, &columns, &[run], None, tree.bytes(), progress)?;
     gathered.time = group.attributes()?.number("TimeValue").or(group.attributes()?.number("time"));
+    gathered.length_unit = length_unit.map(|it| match it.to_ascii_lowercase().as_str() {
+        "angstrom" | "angstroms" => "Å".to_string(),
+        "nanometer" | "nanometers" => "nm".to_string(),
+        _ => it,
+    });
+    if let Some(frames) = frames {
+        left_out.retain(|it| !["time", "cell_lengths", "cell_angles"].contains(&it.as_str()));
+        let times = group.dataset("time")?.filter(|it| it.shape() == [frames] && it.is_number());
+        if let Some(times) = times {
+            gathered.time_unit =
+                unit(&times).map(|it| if it.starts_with("picosecond") { "ps".into() } else { it });
+            gathered.time = times.rows(&[])?.numbers()?.get(number).copied();
+        }
+        gathered.cell = cell;
+    }
     let conventions = vec![format!("positions: data set {}", place.path())];
     if !left_out.is_empty() {
         warnings.push(format!("left out: {} (no {count} rows of numbers)", left_out.join(", ")));

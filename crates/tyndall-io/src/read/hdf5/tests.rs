@@ -301,3 +301,48 @@ fn damage_never_panics() {
         });
     }
 }
+
+#[test]
+fn numbers_of_few_bits_are_what_they_stand_for() {
+    let particles = open("forms.h5").frame(0, &()).unwrap().particles;
+    assert_eq!(at(&particles, 3), [9.0, 10.0, 11.0]);
+    let exact = [0.0, 1.5, -2.25, 100.5, 3e-5, 1e6, -0.75, 1.0, 7.0, 2.0, 3.0, 4.0];
+    for (name, mantissa, kind) in [("FMantissa9", 9, "f32"), ("BFloat16", 7, "f32"), ("DMantissa9", 9, "f64")]
+    {
+        assert_eq!(particles.attribute(name).unwrap().values.type_name(), kind);
+        for (found, wanted) in numbers(&particles, name).into_iter().zip(exact) {
+            assert!(
+                (found - wanted).abs() <= 0.5f64.powi(mantissa) * wanted.abs(),
+                "{name}: {found} for {wanted}"
+            );
+        }
+        assert_eq!(numbers(&particles, name)[1..3], [1.5, -2.25], "{name}");
+    }
+}
+
+#[test]
+fn steps_of_vtkhdf_are_frames() {
+    let sequence = open("steps.vtkhdf");
+    assert_eq!((sequence.len(), sequence.format()), (2, "VTKHDF"));
+    let [first, last] = [0, 1].map(|it| sequence.frame(it, &()).unwrap().particles);
+    assert_eq!((first.len(), at(&first, 2), first.time()), (3, [6.0, 7.0, 8.0], Some(0.5)));
+    assert_eq!((last.len(), at(&last, 0), last.time()), (2, [9.0, 10.0, 11.0], Some(1.5)));
+    assert_eq!((numbers(&last, "mass"), numbers(&last, "kind")), (vec![3.0, 4.0], vec![7.0, 8.0]));
+}
+
+#[test]
+fn positions_in_three_dimensions_are_frames() {
+    let sequence = open("frames.h5");
+    assert_eq!(sequence.len(), 2);
+    let frame = sequence.frame(1, &()).unwrap();
+    let particles = &frame.particles;
+    assert_eq!((particles.len(), at(particles, 3)), (4, [21.0, 22.0, 23.0]));
+    assert_eq!(numbers(particles, "velocities")[..3], [-12.0, -13.0, -14.0]);
+    assert_eq!(numbers(particles, "mass"), [0.0, 1.0, 2.0, 3.0]);
+    assert_eq!(
+        (particles.time(), particles.time_unit(), particles.length_unit()),
+        (Some(2.5), Some("ps"), Some("nm"))
+    );
+    assert_eq!(particles.cell().unwrap().vectors[1], DVec3::Y * 3.5);
+    assert!(frame.warnings.is_empty(), "{:?}", frame.warnings);
+}

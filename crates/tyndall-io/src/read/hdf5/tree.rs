@@ -16,6 +16,7 @@ use tyndall::{Error, Result};
 
 use super::attributes::{Attributes, number_kind};
 use super::filters;
+use super::forms::Form;
 use super::neighbors::Neighbors;
 use crate::read::content::{self, Content};
 use crate::read::map::Map;
@@ -276,6 +277,11 @@ impl Data {
         number_kind(self.dataset.dtype()).is_some()
     }
 
+    /// Where in their bytes its numbers are, if they are no machine's own.
+    fn form(&self) -> Option<Form> {
+        Form::of(&self.dataset.raw_datatype().ok()?)
+    }
+
     /// Bytes of the file and of those that links led to: more rows than these they cannot hold.
     pub(super) fn file_bytes(&self) -> u64 {
         self.file_bytes
@@ -288,7 +294,7 @@ impl Data {
 
     /// The number of places to which nothing was written, if the file says one.
     pub(super) fn fill(&self) -> Option<f64> {
-        let (kind, order) = number_kind(self.dataset.dtype())?;
+        let (kind, order) = number_kind(self.dataset.dtype()).filter(|_| self.form().is_none())?;
         let bytes = self.dataset.fill_value()?.value.as_deref().filter(|it| it.len() == kind.size())?;
         Some(Source { bytes, kind, order, start: 0, stride: 0, step: 0 }.number(0))
     }
@@ -321,6 +327,10 @@ impl Data {
         }
         let bytes =
             self.dataset.read_native_bytes().map_err(|error| fault(&self.file, &self.path, &error))?;
+        let (bytes, kind) = match self.form() {
+            Some(form) => (form.apply(&bytes, kind.size()), form.kind(kind)),
+            None => (Native::of(bytes), kind),
+        };
         let source = Source { bytes: &bytes, kind, order: NATIVE, start: 0, stride: 0, step: 0 };
         Ok((bytes.len() >= kind.size()).then(|| source.number(0)))
     }
@@ -347,15 +357,16 @@ impl Data {
         let fault = |what: String| {
             Error::format(&self.file, &self.path, what, "was the file copied to its end? h5dump may say more")
         };
-        let (kind, _) =
+        let (stored, _) =
             number_kind(self.dataset.dtype()).ok_or_else(|| fault("these are no numbers".into()))?;
+        let form = self.form();
         let shape = self.dataset.shape();
         if shape.len() <= lead.len() || lead.iter().zip(shape).any(|(index, size)| index >= size) {
             return Err(fault(format!("an extent of {shape:?} has no place {lead:?}")));
         }
         let count = shape[lead.len()];
         let width = shape[lead.len() + 1..].iter().try_fold(1u64, |product, &size| product.checked_mul(size));
-        let bytes = width.and_then(|it| it.checked_mul(count)?.checked_mul(kind.size() as u64));
+        let bytes = width.and_then(|it| it.checked_mul(count)?.checked_mul(stored.size() as u64));
         let fits = bytes.is_some_and(|bytes| bytes <= most_bytes(self.file_bytes));
         if width.is_some_and(|width| width == 0 || width > MOST_WIDTH) {
             return Err(fault(format!("an extent of {shape:?} is not 1 to {MOST_WIDTH} numbers a row")));
@@ -373,7 +384,10 @@ impl Data {
             path: self.path,
             file: self.file,
             lead: lead.to_vec(),
-            kind,
+            kind: form.map_or(stored, |it| it.kind(stored)),
+            stored,
+            form,
+            first: 0,
             count: count as usize,
             width,
             chunk_rows,
@@ -413,6 +427,11 @@ pub(super) struct Rows {
     lead: Vec<u64>,
     /// The type of the numbers.
     pub(super) kind: Kind,
+    /// That in which they are stored, and where their bits are in it, if that is no machine's own.
+    stored: Kind,
+    form: Option<Form>,
+    /// The place of the first row in the data set.
+    first: usize,
     /// How many rows there are.
     pub(super) count: usize,
     /// Numbers in a row.
@@ -429,15 +448,35 @@ impl Rows {
         &self.path
     }
 
+    /// Those of its rows, all of which must be there.
+    pub(super) fn within(self, rows: Range<usize>) -> Option<Self> {
+        let fits = rows.start <= rows.end && rows.end <= self.count;
+        // Only rows of one frame are counted among those of others.
+        let whole = rows == (0..self.count);
+        (fits && (whole || self.lead.is_empty())).then(|| Self {
+            first: self.first + rows.start,
+            count: rows.len(),
+            ..self
+        })
+    }
+
     /// Some of its rows.
     pub(super) fn read(&self, rows: Range<usize>) -> Result<Native> {
         self.decode(rows).map_err(|error| fault(&self.file, &self.path, &error))
     }
 
     fn decode(&self, rows: Range<usize>) -> std::result::Result<Native, ReadError> {
+        let stored = self.as_stored(self.first + rows.start..self.first + rows.end)?;
+        Ok(match self.form {
+            Some(form) => form.apply(&stored, self.stored.size()),
+            None => stored,
+        })
+    }
+
+    fn as_stored(&self, rows: Range<usize>) -> std::result::Result<Native, ReadError> {
         let is_plain =
             matches!(self.dataset.dtype(), Datatype::FixedPoint { .. } | Datatype::FloatingPoint { .. });
-        match self.kind {
+        match self.stored {
             _ if rows.is_empty() => Ok(Native::of(Vec::<u8>::new())),
             _ if !is_plain => self.cut(rows),
             Kind::F16 => self.cut(rows),
@@ -487,7 +526,7 @@ impl Rows {
         // Places before this frame's first row, the last dimension running fastest.
         let lead =
             self.lead.iter().zip(self.dataset.shape()).fold(0, |place, (&index, &size)| place * size + index);
-        let row = self.width * self.kind.size();
+        let row = self.width * self.stored.size();
         let first = lead as usize * self.count;
         let bytes = whole.get((first + rows.start) * row..(first + rows.end) * row);
         bytes

@@ -258,6 +258,63 @@ def plain():
         file["Coordinates"] = np.zeros((0, 3), dtype="f4")
 
 
+def forms():
+    """Numbers of few bits behind the N-bit filter, as SWIFT writes them, behind a user block."""
+    values = np.array([[0.0, 1.5, -2.25], [100.5, 3e-5, 1e6], [-0.75, 1.0, 7.0], [2.0, 3.0, 4.0]], dtype="f4")
+    with h5py.File("forms.h5", "w", userblock_size=8192) as file:
+        file["Coordinates"] = np.arange(12, dtype="f4").reshape(4, 3)
+        for name, base, exponent, mantissa in [
+            ("FMantissa9", h5py.h5t.IEEE_F32LE, 8, 9),
+            ("BFloat16", h5py.h5t.IEEE_F32LE, 8, 7),
+            ("DMantissa9", h5py.h5t.IEEE_F64LE, 11, 9),
+        ]:
+            kind = base.copy()
+            kind.set_fields(exponent + mantissa, mantissa, exponent, 0, mantissa)
+            kind.set_precision(1 + exponent + mantissa)
+            kind.set_ebias(2 ** (exponent - 1) - 1)
+            kind.set_size(4)
+            settings = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
+            settings.set_chunk((2, 3))
+            settings.set_filter(h5py.h5z.FILTER_NBIT, 0, ())
+            space = h5py.h5s.create_simple(values.shape)
+            data = h5py.h5d.create(file.id, name.encode(), kind, space, settings)
+            data.write(h5py.h5s.ALL, h5py.h5s.ALL, values)
+
+
+def vtkhdf():
+    """Two steps of three and two points."""
+    with h5py.File("steps.vtkhdf", "w") as file:
+        root = file.create_group("VTKHDF")
+        root.attrs["Version"] = np.array([2, 0])
+        root.attrs.create("Type", np.bytes_("PolyData"))
+        root["NumberOfPoints"] = np.array([3, 2])
+        root["Points"] = np.arange(15, dtype="f4").reshape(5, 3)
+        root["PointData/mass"] = np.arange(5.0)
+        # The same for both steps.
+        root["PointData/kind"] = np.array([7, 8, 9])
+        steps = root.create_group("Steps")
+        steps.attrs["NSteps"] = 2
+        steps["Values"] = np.array([0.5, 1.5])
+        steps["PartOffsets"] = np.array([0, 1])
+        steps["NumberOfParts"] = np.array([1, 1])
+        steps["PointOffsets"] = np.array([0, 3])
+        steps["PointDataOffsets/mass"] = np.array([0, 3])
+        steps["PointDataOffsets/kind"] = np.array([0, 0])
+
+
+def frames():
+    """MDTraj's way, which is that of AMBER's NetCDF-4 too."""
+    with h5py.File("frames.h5", "w") as file:
+        file["coordinates"] = np.arange(24, dtype="f4").reshape(2, 4, 3)
+        file["coordinates"].attrs["units"] = ascii_text("nanometers")
+        file["velocities"] = -np.arange(24, dtype="f4").reshape(2, 4, 3)
+        file["time"] = np.array([0.0, 2.5])
+        file["time"].attrs["units"] = ascii_text("picoseconds")
+        file["cell_lengths"] = np.array([[2.0, 3.0, 4.0], [2.5, 3.5, 4.5]])
+        file["cell_angles"] = np.full((2, 3), 90.0)
+        file["mass"] = np.arange(4.0)
+
+
 swift("swift.hdf5", None)
 swift("swift_latest.hdf5", "latest")
 for number in [0, 1]:
@@ -271,3 +328,6 @@ h5md()
 bonds()
 openpmd()
 plain()
+forms()
+vtkhdf()
+frames()
