@@ -1,9 +1,10 @@
 //! LAS and its packed form LAZ, the format of airborne laser scanning: versions 1.0 to 1.4, point formats 0 to 10.
 //!
 //! Records of fixed size follow a header and its variable records; packed ones come out of the crate laz, pure Rust, as they
-//! were. Coordinates are integers times a scale plus an offset, in double precision until the origin is off. Extra bytes and
-//! wave forms are left out. Source: ASPRS, "LAS specification 1.4 - R15".
+//! were. Coordinates are integers times a scale plus an offset, in double precision until the origin is off. Extra bytes that the file
+//! describes are quantities too; wave forms are left out. Source: ASPRS, "LAS specification 1.4 - R15".
 
+mod extra;
 mod packed;
 
 use std::borrow::Cow;
@@ -48,6 +49,8 @@ struct Header {
     packing: Option<Packing>,
     /// Whether the coordinate system is named.
     system: bool,
+    /// Descriptions of extra bytes.
+    extra: Vec<u8>,
 }
 
 impl Header {
@@ -88,7 +91,7 @@ impl Header {
             )));
         }
 
-        let (mut packing, mut system) = (None, false);
+        let (mut packing, mut system, mut extra) = (None, false, Vec::new());
         let mut cursor = Cursor::new(path, bytes, size.into(), Order::Little, HINT);
         for _ in 0..records {
             cursor.take(2, "a variable record")?;
@@ -102,6 +105,7 @@ impl Header {
                     packing = Some(Packing::read(data).map_err(|what| cursor.fault(what))?);
                 }
                 "LASF_Projection" => system = true,
+                "LASF_Spec" if number == 4 => extra.extend_from_slice(data),
                 _ => {}
             }
         }
@@ -113,7 +117,7 @@ impl Header {
         if packing.as_ref().is_some_and(|it| it.record_bytes() != record as u64) {
             return Err(cursor.fault(format!("the record of LASzip has not {record} bytes a point")));
         }
-        Ok(Self { start: start as usize, format, record, count, scale, offset, packing, system })
+        Ok(Self { start: start as usize, format, record, count, scale, offset, packing, system, extra })
     }
 
     /// Fails unless the file may hold the points.
@@ -140,10 +144,22 @@ enum Place {
     Bits(usize, u32, u32),
     /// Steps of 0.006 degrees.
     Angle(usize),
+    /// Numbers at a byte, each times a scale plus an offset.
+    Scaled { kind: Kind, at: usize, scales: [f64; 3], offsets: [f64; 3] },
+}
+
+/// What points have beside their place.
+#[derive(Clone, Debug)]
+struct Quantity {
+    name: String,
+    components: usize,
+    place: Place,
+    /// Whether it is behind what the point format has.
+    extra: bool,
 }
 
 /// The quantities of a point format.
-fn quantities(format: usize) -> Vec<(&'static str, Place)> {
+fn quantities(format: usize) -> Vec<Quantity> {
     use Place::{Angle, Bits, Number};
     let mut quantities = vec![("intensity", Number(Kind::U16, 12))];
     let mut end = if format >= 6 {
@@ -191,7 +207,9 @@ fn quantities(format: usize) -> Vec<(&'static str, Place)> {
     if matches!(format, 8 | 10) {
         quantities.push(("nir", Number(Kind::U16, end)));
     }
-    quantities
+    let quantity =
+        |(name, place): (&str, Place)| Quantity { name: name.into(), components: 1, place, extra: false };
+    quantities.into_iter().map(quantity).collect()
 }
 
 impl Place {
@@ -200,17 +218,18 @@ impl Place {
             Self::Number(kind, _) => kind,
             Self::Bits(..) => Kind::U8,
             Self::Angle(_) => Kind::F32,
+            Self::Scaled { .. } => Kind::F64,
         }
     }
 }
 
 /// Those of the quantities that are wanted, all if nothing is said.
-fn wanted_of(quantities: Vec<(&'static str, Place)>, wanted: Option<&Wanted>) -> Vec<(&'static str, Place)> {
+fn wanted_of(quantities: Vec<Quantity>, wanted: Option<&Wanted>) -> Vec<Quantity> {
     let Some(wanted) = wanted else { return quantities };
-    let offered = quantities.iter().map(|(name, place)| Offered {
-        name,
-        components: 1,
-        is_measured: place.kind().is_float(),
+    let offered = quantities.iter().map(|it| Offered {
+        name: &it.name,
+        components: it.components,
+        is_measured: it.place.kind().is_float(),
     });
     let flags = wanted.flags(&offered.collect::<Vec<_>>());
     quantities.into_iter().zip(flags).filter_map(|(quantity, flag)| flag.then_some(quantity)).collect()
@@ -227,12 +246,19 @@ pub(crate) fn read(
     let header = Header::read(path, bytes)?;
     header.check(path, bytes)?;
     let (count, record) = (header.count as usize, header.record);
-    let quantities = wanted_of(quantities(header.format), wanted);
+    let (mut quantities, own) = (quantities(header.format), RECORD_BYTES[header.format]);
+    let (extra, unknown) = extra::quantities(&header.extra, own, record);
+    // A name that the format has goes to the quantity of the format.
+    let is_new = |it: &Quantity| !it.name.is_empty() && quantities.iter().all(|own| own.name != it.name);
+    let (extra, doubled): (Vec<_>, Vec<_>) = extra.into_iter().partition(is_new);
+    quantities.extend(extra);
+    let quantities = wanted_of(quantities, wanted);
 
     // Without points there is nothing, not even where their chunks are.
     let packing = header.packing.as_ref().filter(|_| count > 0);
     let chunks = packing.map(|it| it.chunks(path, bytes, header.start, header.count)).transpose()?;
-    let names: Vec<&str> = quantities.iter().map(|(name, _)| *name).collect();
+    let names: Vec<&str> =
+        quantities.iter().map(|it| if it.extra { packed::EXTRA_BYTES } else { it.name.as_str() }).collect();
     let open = |packing: &Packing, chunk: &Chunk| packing.open((path, bytes), header.start, chunk, &names);
 
     // The first points decide the origin.
@@ -248,7 +274,7 @@ pub(crate) fn read(
     let head = [0, 1, 2].map(|axis| coordinates(&head, &header, axis));
     let head: Vec<DVec3> =
         (0..head[0].len()).map(|id| DVec3::new(head[0][id], head[1][id], head[2][id])).collect();
-    let columns = quantities.iter().map(|(name, place)| (name.to_string(), 1, place.kind()));
+    let columns = quantities.iter().map(|it| (it.name.clone(), it.components, it.place.kind()));
     let mut builder = Builder::new(count, &head, columns);
     let fill_batch = |start: usize, slots: &mut [records::Slot], records: &[u8]| {
         if progress.cancelled() {
@@ -305,9 +331,12 @@ pub(crate) fn read(
         );
     }
     let mut warnings = Vec::new();
-    let extra = record - RECORD_BYTES[header.format];
-    if extra > 0 {
-        warnings.push(format!("left out: {extra} extra bytes of each point"));
+    if unknown > 0 {
+        warnings
+            .push(format!("left out: {unknown} extra bytes of each point, which the file does not describe"));
+    }
+    for quantity in doubled {
+        warnings.push(format!("left out: extra bytes named '{}', as another quantity is", quantity.name));
     }
     if matches!(header.format, 4 | 5 | 9 | 10) {
         warnings.push("left out: wave forms".to_string());
@@ -338,18 +367,19 @@ fn fill(
     coordinates: &[Vec<f64>; 3],
     bytes: &[u8],
     stride: usize,
-    quantities: &[(&'static str, Place)],
+    quantities: &[Quantity],
 ) {
     let count = coordinates[0].len();
     let (axes, values) = slots.split_at_mut(3);
     for (slot, coordinates) in axes.iter_mut().zip(coordinates) {
         slot.fill(&native(bytemuck::cast_slice(coordinates), Kind::F64), 0, 1, 0..count);
     }
-    for (slot, (_, place)) in values.iter_mut().zip(quantities) {
-        match *place {
+    for (slot, quantity) in values.iter_mut().zip(quantities) {
+        let components = quantity.components;
+        match quantity.place {
             Place::Number(kind, start) => {
-                let source = Source { bytes, kind, order: Order::Little, start, stride, step: 0 };
-                slot.fill(&source, 0, 1, 0..count);
+                let source = Source { bytes, kind, order: Order::Little, start, stride, step: kind.size() };
+                slot.fill(&source, 0, components, 0..count);
             }
             Place::Bits(at, below, bits) => {
                 let value = |record: &[u8]| record[at] >> below & ((1 << bits) - 1) as u8;
@@ -361,6 +391,20 @@ fn fill(
                 let mut values = vec![0.0; count];
                 source.convert_all(&mut values, 0, 1, |number| (0.006 * number) as f32);
                 slot.fill(&native(bytemuck::cast_slice(&values), Kind::F32), 0, 1, 0..count);
+            }
+            Place::Scaled { kind, at, scales, offsets } => {
+                let source =
+                    Source { bytes, kind, order: Order::Little, start: at, stride, step: kind.size() };
+                let mut values = vec![0.0; count * components];
+                source.convert_all(&mut values, 0, components, |number| number);
+                for point in values.chunks_exact_mut(components) {
+                    for ((value, scale), offset) in point.iter_mut().zip(scales).zip(offsets) {
+                        *value = *value * scale + offset;
+                    }
+                }
+                let stride = 8 * components;
+                let source = Source { stride, step: 8, ..native(bytemuck::cast_slice(&values), Kind::F64) };
+                slot.fill(&source, 0, components, 0..count);
             }
         }
     }
@@ -508,6 +552,60 @@ mod tests {
         }
     }
 
+    /// Points of format 6 with three quantities behind it, two of which the file describes in full.
+    fn with_extra_bytes() -> Vec<u8> {
+        let describe = |kind: u8, options: u8, name: &str, scale: f64, offset: f64| {
+            let mut text = vec![0u8; 192];
+            (text[2], text[3]) = (kind, options);
+            text[4..4 + name.len()].copy_from_slice(name.as_bytes());
+            for axis in 0..3 {
+                text[112 + 8 * axis..][..8].copy_from_slice(&scale.to_le_bytes());
+                text[136 + 8 * axis..][..8].copy_from_slice(&offset.to_le_bytes());
+            }
+            text
+        };
+        let texts = [
+            describe(24, 0, "normal", 0.0, 0.0),
+            describe(0, 3, "", 0.0, 0.0),
+            describe(3, 24, "height", 0.5, 100.0),
+            describe(1, 0, "intensity", 0.0, 0.0),
+        ];
+        let mut file = points(5, 6, false);
+        let records = file.split_off(375);
+        let extra = 6 + 3 + 2 + 1;
+        file[96..100].copy_from_slice(&(375u32 + 54 + 4 * 192).to_le_bytes());
+        file[100..104].copy_from_slice(&1u32.to_le_bytes());
+        file[105..107].copy_from_slice(&(RECORD_BYTES[6] as u16 + extra).to_le_bytes());
+        file.extend([0; 2]);
+        file.extend(b"LASF_Spec\0\0\0\0\0\0\0");
+        file.extend([4u16, 4 * 192].iter().flat_map(|it| it.to_le_bytes()));
+        file.extend([0; 32]);
+        file.extend(texts.concat());
+        for (id, record) in records.chunks_exact(RECORD_BYTES[6]).enumerate() {
+            file.extend(record);
+            file.extend([id as i16, -1, 7].iter().flat_map(|it| it.to_le_bytes()));
+            file.extend([9; 3]);
+            file.extend((10 * id as u16).to_le_bytes());
+            file.push(1);
+        }
+        file
+    }
+
+    #[test]
+    fn extra_bytes_that_are_described_are_quantities() {
+        let frame = read(&with_extra_bytes()).unwrap();
+        let number = |name: &str, component| frame.particles.attribute(name).unwrap().number(4, component);
+        assert_eq!([0, 1, 2].map(|it| number("normal", it)), [4.0, -1.0, 7.0]);
+        assert_eq!((number("height", 0), number("intensity", 0)), (120.0, 104.0));
+        assert_eq!(
+            frame.warnings,
+            [
+                "left out: 3 extra bytes of each point, which the file does not describe",
+                "left out: extra bytes named 'intensity', as another quantity is"
+            ]
+        );
+    }
+
     #[test]
     fn what_is_wanted_is_what_is_read_of_all() {
         for (format, packed) in (0..=10).map(|it| (it, false)).chain([3, 6, 7, 8].map(|it| (it, true))) {
@@ -578,5 +676,6 @@ mod tests {
         for packed in [false, true] {
             real_data::damage_some(&points(20, 3, packed), |file| drop(read(file)));
         }
+        real_data::damage_some(&with_extra_bytes(), |file| drop(read(file)));
     }
 }

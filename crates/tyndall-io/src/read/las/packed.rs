@@ -21,6 +21,9 @@ use crate::read::numbers::Order;
 /// Packed bytes of a chunk that is taken out of the file.
 const MOST_CHUNK: usize = 16 << 20;
 
+/// What extra bytes are called among the quantities that are wanted.
+pub(super) const EXTRA_BYTES: &str = "extra bytes";
+
 /// How the points are packed.
 pub(super) struct Packing {
     vlr: LazVlr,
@@ -175,6 +178,7 @@ fn selection(names: &[&str]) -> DecompressionSelection {
         "gps_time" => selection.decompress_gps_time(),
         "red" | "green" | "blue" => selection.decompress_rgb(),
         "nir" => selection.decompress_nir(),
+        EXTRA_BYTES => selection.decompress_extra_bytes(),
         // Numbers of returns and the channel come with the coordinates.
         _ => selection,
     })
