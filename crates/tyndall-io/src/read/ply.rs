@@ -1,7 +1,7 @@
 //! PLY, the Stanford polygon format, as text and binary of either byte order.
 //!
 //! Takes the whole file, gives the element `vertex` as particles; each scalar property is an attribute of its own name, in the
-//! file's order. Other elements and lists are skipped, said. Files of 3D Gaussian splats get a radius from their scales.
+//! file's order. Other elements and lists are skipped, said; so are comments, but those of `convert`. Files of 3D Gaussian splats get a radius from their scales.
 //! Source: Greg Turk, "The PLY Polygon File Format", 1998, and the type names of later writers (`float32` for `float`).
 
 mod faces;
@@ -9,6 +9,7 @@ mod header;
 #[cfg(test)]
 mod tests;
 mod text;
+mod told;
 
 use std::path::Path;
 
@@ -68,6 +69,7 @@ pub(crate) fn read(
             Table { path, element, roles: &roles, order }.read(rest, bytes.len(), progress)?
         }
     };
+    told::take(&header.comments, &mut columns);
     records::spell_out_colors(&mut columns.attributes, &mut conventions);
     if roles.is_splat(element) {
         add_splat_radius(&mut columns, &shown, &mut conventions);

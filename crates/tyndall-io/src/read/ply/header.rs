@@ -12,6 +12,8 @@ use crate::read::numbers::{Kind, Order};
 pub(super) struct Header {
     pub(super) encoding: Encoding,
     pub(super) elements: Vec<Element>,
+    /// What stands behind `comment`, line by line.
+    pub(super) comments: Vec<String>,
     /// The byte where the body begins.
     pub(super) body: usize,
     /// The byte that ends a line.
@@ -73,7 +75,7 @@ impl Header {
     pub(super) fn read(path: &Path, bytes: &[u8]) -> Result<Self> {
         let line_end =
             if bytes.get(3) == Some(&b'\r') && bytes.get(4) != Some(&b'\n') { b'\r' } else { b'\n' };
-        let (mut encoding, mut elements) = (None, Vec::<Element>::new());
+        let (mut encoding, mut elements, mut comments) = (None, Vec::<Element>::new(), Vec::new());
         let mut place = 0;
         for number in 1.. {
             let wrong = |what: String, hint: &str| Error::format(path, format!("line {number}"), what, hint);
@@ -84,13 +86,18 @@ impl Header {
             place += length + 1;
             let words: Vec<&str> = line.split_ascii_whitespace().collect();
             match words[..] {
-                [] | ["comment" | "obj_info", ..] => {}
+                ["comment", ..] => {
+                    let (_, comment) = line.split_once("comment").unwrap_or_default();
+                    let comment = comment.strip_prefix(' ').unwrap_or(comment);
+                    comments.push(comment.trim_end_matches('\r').to_string());
+                }
+                [] | ["obj_info", ..] => {}
                 ["ply"] if number == 1 => {}
                 ["end_header"] => {
                     let Some(encoding) = encoding else {
                         return Err(wrong("the header has no line 'format'".into(), "add: format ascii 1.0"));
                     };
-                    return Ok(Self { encoding, elements, body: place, line_end });
+                    return Ok(Self { encoding, elements, comments, body: place, line_end });
                 }
                 ["format", name, "1.0"] => {
                     encoding = Some(self::encoding(name).ok_or_else(|| unknown(&wrong, &line))?)

@@ -9,6 +9,7 @@ use std::io::Read;
 use std::path::Path;
 
 use flate2::read::ZlibDecoder;
+use lzma_rust2::XzReader;
 use rayon::prelude::*;
 use tyndall::{Error, Result};
 
@@ -62,11 +63,16 @@ pub(super) struct Style {
     pub(super) compressor: Option<Compressor>,
 }
 
+/// What a block of LZMA may ask for to be unpacked, in KiB: its highest preset needs 65 MiB.
+const MOST_LZMA_KIB: u32 = 128 << 10;
+
 /// How the blocks of an array are compressed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Compressor {
     Zlib,
     Lz4,
+    /// Each block is a file of the program xz.
+    Lzma,
 }
 
 impl Compressor {
@@ -75,6 +81,7 @@ impl Compressor {
         match self {
             Self::Zlib => 1032,
             Self::Lz4 => 255,
+            Self::Lzma => 1 << 14,
         }
     }
 
@@ -82,6 +89,9 @@ impl Compressor {
     fn unpack(self, block: &[u8], out: &mut [u8]) -> std::result::Result<(), String> {
         match self {
             Self::Zlib => ZlibDecoder::new(block).read_exact(out).map_err(|error| error.to_string()),
+            Self::Lzma => XzReader::new_mem_limit(block, false, MOST_LZMA_KIB)
+                .read_exact(out)
+                .map_err(|error| error.to_string()),
             Self::Lz4 => {
                 let count =
                     lz4_flex::block::decompress_into(block, out).map_err(|error| error.to_string())?;

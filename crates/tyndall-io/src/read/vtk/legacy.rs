@@ -368,7 +368,7 @@ impl<'a> File<'a> {
             self.set.warnings.push("the last line has no end: its last value may be cut off".into());
         }
         let attributes = self.attributes;
-        self.set.pieces.push(Piece { path: self.words.path, count, points, attributes });
+        self.set.pieces.push(Piece { path: self.words.path, count, points, attributes, words: Vec::new() });
         Ok(self.set)
     }
 }

@@ -10,6 +10,7 @@ mod legacy;
 mod list;
 #[cfg(test)]
 mod tests;
+mod words;
 mod xml;
 
 use std::borrow::Cow;
@@ -22,6 +23,7 @@ use tyndall::{Error, Progress, Result};
 use self::data::Array;
 pub(crate) use self::image::image;
 use self::list::Step;
+use self::words::WordArray;
 use self::xml::Document;
 use super::map::Map;
 use super::numbers::Order;
@@ -62,6 +64,7 @@ struct Piece<'a> {
     count: usize,
     points: Array<'a>,
     attributes: Vec<Array<'a>>,
+    words: Vec<WordArray<'a>>,
 }
 
 impl Set<'_> {
@@ -313,6 +316,7 @@ fn assemble(path: &Path, set: Set, progress: &dyn Progress) -> Result<Frame> {
     for name in names {
         columns.attributes.extend(gather(Some(&name))?.attributes);
     }
+    columns.attributes.extend(words::attributes(&set.pieces, &mut warnings));
     columns.time = set.time;
     drop_ghosts(&mut columns, &mut warnings);
     let mut conventions = Vec::new();

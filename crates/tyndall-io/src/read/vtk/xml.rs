@@ -13,6 +13,7 @@ use tyndall::{Error, Result};
 
 use super::data::{Array, Compressor, Content, Encoded, Style};
 use super::image::{Block, Image, no_image};
+use super::words::WordArray;
 use super::{Piece, Set};
 use crate::read::numbers::{Kind, Order};
 
@@ -120,9 +121,10 @@ impl<'a> Document<'a> {
             None | Some("") => None,
             Some("vtkZLibDataCompressor") => Some(Compressor::Zlib),
             Some("vtkLZ4DataCompressor") => Some(Compressor::Lz4),
+            Some("vtkLZMADataCompressor") => Some(Compressor::Lzma),
             Some(other) => {
                 let what = format!("the data are compressed by {other}, which is not known here");
-                let hint = "save the file anew in ParaView with the compressor ZLib, LZ4 or none";
+                let hint = "save the file anew in ParaView with the compressor ZLib, LZ4, LZMA or none";
                 return Err(Error::format(self.path, "VTKFile", what, hint));
             }
         };
@@ -186,15 +188,20 @@ impl<'a> Document<'a> {
         let Some(Ok(centers)) = self.array(centers, style, 3)? else {
             return Err(self.fault("Points", "the points are no numbers"));
         };
-        let mut attributes = Vec::new();
+        let (mut attributes, mut words) = (Vec::new(), Vec::new());
         for array in node.child("PointData").into_iter().flat_map(|it| &it.children) {
             match self.array(array, style, 1)? {
                 Some(Ok(array)) => attributes.push(array),
+                Some(Err(name)) if is_words(array) => {
+                    let components = array.get("NumberOfComponents").and_then(|it| it.parse().ok());
+                    let components = components.filter(|&it| it > 0).unwrap_or(1);
+                    words.push(WordArray { name, components, text: array.text.as_bytes() });
+                }
                 Some(Err(name)) => set.odd_arrays.push(name),
                 None => {}
             }
         }
-        set.pieces.push(Piece { path: self.path, count: points, points: centers, attributes });
+        set.pieces.push(Piece { path: self.path, count: points, points: centers, attributes, words });
         Ok(())
     }
 
@@ -356,6 +363,11 @@ fn close(above: &mut Vec<Node>) {
     {
         parent.children.push(node);
     }
+}
+
+/// Whether an array has words, written as text.
+fn is_words(node: &Node) -> bool {
+    node.get("type") == Some("String") && node.get("format").is_none_or(|it| it == "ascii")
 }
 
 /// The numbers of an array's type; `None` for words and bits.
