@@ -10,6 +10,7 @@ mod assembly;
 mod atom_site;
 mod bcif;
 mod bgeo;
+mod cfg;
 mod cif;
 mod column;
 mod connections;
@@ -47,6 +48,7 @@ mod pda;
 mod pdb;
 mod picture;
 mod ply;
+mod poscar;
 mod prt;
 mod ptc;
 mod pts;
@@ -287,6 +289,20 @@ pub(crate) const FORMATS: &[Format] = &[
         recognise: |head, _| lammps_data::recognise(head),
         features: &[],
         open: Open::Text { index: lammps_data::index, frame: lammps_data::frame },
+    },
+    Format {
+        names: &["poscar", "vasp", "contcar", "xdatcar"],
+        title: "VASP POSCAR",
+        recognise: |head, _| poscar::recognise(head),
+        features: &[],
+        open: Open::Binary { index: poscar::index, frame: poscar::frame },
+    },
+    Format {
+        names: &["cfg", "atomeye"],
+        title: "AtomEye CFG",
+        recognise: |head, _| cfg::recognise(head),
+        features: &[],
+        open: Open::Binary { index: cfg::index, frame: cfg::frame },
     },
     Format {
         names: &["xyz", "extxyz"],

@@ -1,7 +1,7 @@
 """Writes the samples of this folder, a few particles in every format that can be read, mostly with the formats' own libraries.
 
 python make.py TYNDALL (the command, for formats that few others write; needs numpy, MDAnalysis, gsd, laspy, lazrs, pye57, vtk, msgpack,
-OpenEXR, pyarrow; and Debian's python3-openvdb). `universal.usda` is written by hand.
+OpenEXR, pyarrow; and Debian's python3-openvdb). `universal.usda`, `vasp.poscar` and `atomeye.cfg` are written by hand.
 """
 import bz2
 import gzip
