@@ -83,10 +83,6 @@ fn attributes_that_nobody_looks_at_are_left_out() {
 fn of_every_format_an_attribute_alone_is_as_among_all() {
     // What some attribute of theirs leaves out.
     let mut lean = vec![
-        "binary.pcd",
-        "text.pcd",
-        "packed.pcd",
-        "houdini.geo",
         "houdini.bgeo",
         "renderman.ptc",
         "saved.tyn",
