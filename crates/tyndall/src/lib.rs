@@ -36,7 +36,7 @@ pub mod frozen;
 pub mod math;
 pub mod medium;
 pub mod names;
-mod pages;
+pub mod pages;
 pub mod particles;
 pub mod periodic;
 pub mod progress;

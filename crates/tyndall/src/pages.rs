@@ -47,12 +47,18 @@ pub(crate) fn written<T: Pod + Send + Sync>(
 
 /// An empty array with room for `count` items.
 pub(crate) fn with_capacity<T>(count: usize) -> Vec<T> {
-    let mut array = Vec::with_capacity(count);
-    advise(&mut array);
+    let mut array = Vec::new();
+    reserve(&mut array, count);
     array
 }
 
-/// Asks for huge pages for the memory that an empty array has reserved.
+/// Makes room for `count` more items.
+pub fn reserve<T>(array: &mut Vec<T>, count: usize) {
+    array.reserve(count);
+    advise(array);
+}
+
+/// Asks for huge pages for the memory that an array has reserved and not yet filled.
 #[cfg(target_os = "linux")]
 #[expect(unsafe_code, reason = "the system takes a range of addresses")]
 fn advise<T>(array: &mut Vec<T>) {
