@@ -4,9 +4,13 @@
 //! ones if an integer is too large for 24 bits of mantissa. Columns read in slices are joined by the same rules, so that the
 //! result depends on the content alone.
 
+use std::borrow::Cow;
 use std::collections::HashMap;
 
+use fearless_simd::Simd;
+use memchr::memchr;
 use tyndall::Values;
+use tyndall::pages::reserve;
 
 use super::decimal::{self, Found};
 
@@ -41,6 +45,12 @@ impl Separator {
         byte == b' ' || byte == b'\t' || Some(byte) == self.byte
     }
 
+    /// Whether a number ends before `byte`: so it does at a blank, and at a line's end. No byte below a blank belongs to a number.
+    #[inline(always)]
+    fn ends_number(self, byte: u8) -> bool {
+        byte <= b' ' || Some(byte) == self.byte
+    }
+
     /// Whether `byte` is a blank that means nothing.
     #[inline(always)]
     pub(crate) fn is_blank(self, byte: u8) -> bool {
@@ -58,7 +68,7 @@ impl Separator {
         {
             return (inside[..end].trim_ascii(), end + 2);
         }
-        let end = memchr::memchr(byte, rest).unwrap_or(rest.len());
+        let end = memchr(byte, rest).unwrap_or(rest.len());
         (rest[..end].trim_ascii_end(), end)
     }
 }
@@ -67,7 +77,7 @@ impl Separator {
 fn closing_quote(inside: &[u8]) -> Option<usize> {
     let mut at = 0;
     loop {
-        at += memchr::memchr(b'"', &inside[at..])?;
+        at += memchr(b'"', &inside[at..])?;
         if inside.get(at + 1) != Some(&b'"') {
             return Some(at);
         }
@@ -77,60 +87,68 @@ fn closing_quote(inside: &[u8]) -> Option<usize> {
 
 /// What is left of a line, and the text behind it: fast readers look at many bytes at once.
 #[derive(Clone, Copy)]
-pub(crate) struct Rest<'a> {
-    /// What is left, and what follows.
-    text: &'a [u8],
-    /// How much of it belongs to the line.
-    length: usize,
-}
+pub(crate) struct Rest<'a>(pub(crate) &'a [u8]);
 
 impl<'a> Rest<'a> {
-    /// The line that ends at `end` of `text`, from `at` on.
-    #[inline(always)]
-    pub(crate) fn of(text: &'a [u8], at: usize, end: usize) -> Self {
-        Self { text: &text[at..], length: end - at }
-    }
-
-    /// What is left of the line.
-    #[inline(always)]
+    /// What is left of the line, without its end.
     pub(crate) fn line(self) -> &'a [u8] {
-        &self.text[..self.length]
+        let line = &self.0[..memchr(b'\n', self.0).unwrap_or(self.0.len())];
+        line.strip_suffix(b"\r").unwrap_or(line)
     }
 
-    /// The number at the front and how many bytes it takes: what was found, if it is a whole field, else what `slow` finds.
+    /// The field at the front: see [`Separator::token`].
     #[inline(always)]
-    fn number<T>(
-        self,
-        separator: Separator,
-        found: Option<Found<T>>,
-        slow: impl FnOnce(&[u8], Separator) -> Option<(T, usize)>,
-    ) -> Option<(T, usize)> {
-        match found {
-            // A field ends at a blank, and so does a line: no byte below a blank belongs to a number.
-            Some(Found { value, taken, next }) if next <= b' ' || Some(next) == separator.byte => {
-                Some((value, taken))
-            }
-            _ => slow(self.line(), separator),
+    pub(crate) fn token(self, separator: Separator) -> (&'a [u8], usize) {
+        // Words are short: a search for the line's end would take longer.
+        let end = match self.0.first_chunk() {
+            Some(front) if blank(front) < 8 => blank(front),
+            _ => self.0.iter().position(|&byte| byte <= b' ').unwrap_or(self.0.len()),
+        };
+        match self.0.get(end) {
+            Some(b' ' | b'\t' | b'\n') if separator.byte.is_none() => (&self.0[..end], end),
+            _ => separator.token(self.line()),
         }
     }
 }
 
-impl<'a> From<&'a [u8]> for Rest<'a> {
-    fn from(line: &'a [u8]) -> Self {
-        Self { text: line, length: line.len() }
-    }
+/// The place of the first blank, or of another byte below it; 8 if there is none.
+#[inline(always)]
+fn blank(front: &[u8; 8]) -> usize {
+    let each = |byte: u8| u64::from_ne_bytes([byte; 8]);
+    let text = u64::from_le_bytes(*front);
+    (text.wrapping_sub(each(b' ' + 1)) & !text & each(0x80)).trailing_zeros() as usize / 8
 }
 
 /// The number at the front of `rest` and how many bytes it takes; `None` if it is none. A missing value is NaN.
 #[inline(always)]
-pub(crate) fn number<'a>(rest: impl Into<Rest<'a>>, separator: Separator) -> Option<(f64, usize)> {
-    let rest = rest.into();
-    rest.number(separator, decimal::double(rest.text), long_number)
+pub(crate) fn double<S: Simd>(simd: S, rest: Rest, separator: Separator) -> Option<(f64, usize)> {
+    match decimal::double(simd, rest.0) {
+        Some(Found { value, taken, next }) if separator.ends_number(next) => Some((value, taken)),
+        _ => number(rest.line(), separator),
+    }
 }
 
-/// Numbers with many digits, and those at the end of the text.
+/// The same in single precision.
+#[inline(always)]
+fn single<S: Simd>(simd: S, rest: Rest, separator: Separator) -> Option<(f32, usize)> {
+    match decimal::single(simd, rest.0) {
+        Some(Found { value, taken, next }) if separator.ends_number(next) => Some((value, taken)),
+        _ => long_single(rest.line(), separator),
+    }
+}
+
+/// The integer at the front of `rest` and how many bytes it takes; `None` if it is none or needs more than 64 bits.
+#[inline(always)]
+fn integer<S: Simd>(simd: S, rest: Rest, separator: Separator) -> Option<(i64, usize)> {
+    match decimal::integer(simd, rest.0) {
+        Some(Found { value, taken, next }) if separator.ends_number(next) => Some((value, taken)),
+        _ => long_integer(rest.line(), separator),
+    }
+}
+
+/// The number at the front of a line, whatever it looks like.
 #[inline(never)]
-fn long_number(rest: &[u8], separator: Separator) -> Option<(f64, usize)> {
+pub(crate) fn number(rest: &[u8], separator: Separator) -> Option<(f64, usize)> {
     if let Ok((value, taken)) = fast_float2::parse_partial::<f64, _>(rest)
         && rest.get(taken).is_none_or(|&byte| separator.ends(byte))
     {
@@ -178,13 +196,6 @@ fn spell(byte: u8, separator: Separator) -> u8 {
     }
 }
 
-/// The integer at the front of `rest` and how many bytes it takes; `None` if it is none or needs more than 64 bits.
-#[inline(always)]
-fn integer<'a>(rest: impl Into<Rest<'a>>, separator: Separator) -> Option<(i64, usize)> {
-    let rest = rest.into();
-    rest.number(separator, decimal::integer(rest.text), long_integer)
-}
-
 /// Integers with many digits, and those at the end of the text.
 #[inline(never)]
 fn long_integer(rest: &[u8], separator: Separator) -> Option<(i64, usize)> {
@@ -227,27 +238,26 @@ impl Column {
     /// Makes room for `count` more values.
     pub(crate) fn reserve(&mut self, count: usize) {
         match self {
-            Self::Int(column) => column.reserve(count),
-            Self::Long(column) => column.reserve(count),
-            Self::Float(column) => column.reserve(count),
-            Self::Double(column) => column.reserve(count),
-            Self::Truth(column) => column.reserve(count),
-            Self::Text(words) => words.codes.reserve(count),
+            Self::Int(column) => reserve(column, count),
+            Self::Long(column) => reserve(column, count),
+            Self::Float(column) => reserve(column, count),
+            Self::Double(column) => reserve(column, count),
+            Self::Truth(column) => reserve(column, count),
+            Self::Text(words) => reserve(&mut words.codes, count),
         }
     }
 
     /// Appends the field at the front of `rest`; says how many bytes it takes, `None` if it does not fit the column.
     #[inline(always)]
-    pub(crate) fn push<'a>(&mut self, rest: impl Into<Rest<'a>>, separator: Separator) -> Option<usize> {
-        let rest = rest.into();
+    pub(crate) fn push<S: Simd>(&mut self, simd: S, rest: Rest, separator: Separator) -> Option<usize> {
         match self {
             Self::Float(column) => {
-                let (value, taken) = rest.number(separator, decimal::single(rest.text), long_single)?;
+                let (value, taken) = single(simd, rest, separator)?;
                 column.push(value);
                 return Some(taken);
             }
             Self::Int(column) => {
-                if let Some((value, taken)) = integer(rest, separator)
+                if let Some((value, taken)) = integer(simd, rest, separator)
                     && let Ok(value) = i32::try_from(value)
                 {
                     column.push(value);
@@ -255,23 +265,23 @@ impl Column {
                 }
             }
             Self::Long(column) => {
-                if let Some((value, taken)) = integer(rest, separator) {
+                if let Some((value, taken)) = integer(simd, rest, separator) {
                     column.push(value);
                     return Some(taken);
                 }
             }
             Self::Double(column) => {
-                let (value, taken) = number(rest, separator)?;
+                let (value, taken) = double(simd, rest, separator)?;
                 column.push(value);
                 return Some(taken);
             }
             Self::Truth(column) => {
-                let (token, taken) = separator.token(rest.line());
+                let (token, taken) = rest.token(separator);
                 column.push(truth(token)?);
                 return Some(taken);
             }
             Self::Text(words) => {
-                let (token, taken) = separator.token(rest.line());
+                let (token, taken) = rest.token(separator);
                 words.push(token);
                 return Some(taken);
             }
@@ -283,7 +293,7 @@ impl Column {
     #[cold]
     fn widen(&mut self, rest: &[u8], separator: Separator) -> Option<usize> {
         let (token, token_end) = separator.token(rest);
-        let other = if let Some((value, _)) = integer(token, separator) {
+        let other = if let Some((value, _)) = long_integer(token, separator) {
             let narrow = i32::try_from(value).map(|value| Self::Int(vec![value]));
             (narrow.unwrap_or(Self::Long(vec![value])), token_end)
         } else {
@@ -292,21 +302,32 @@ impl Column {
             let large = value.is_finite() && value.abs() >= i64::MAX as f64;
             (if large { Self::Double(vec![value]) } else { Self::Float(vec![value as f32]) }, taken)
         };
-        self.append(other.0);
+        self.append(&other.0);
         Some(other.1)
     }
 
+    /// Empties the column, so that it is one of the kind `kind` before its first value; keeps its memory where that fits.
+    pub(crate) fn restart(&mut self, kind: Kind) {
+        match (&mut *self, kind) {
+            (Self::Int(column), Kind::Integer) => column.clear(),
+            (Self::Float(column), Kind::Float) => column.clear(),
+            (Self::Truth(column), Kind::Truth) => column.clear(),
+            (Self::Text(words), Kind::Text) if words.names.len() <= SLOTS => words.codes.clear(),
+            _ => *self = Self::new(kind, 0),
+        }
+    }
+
     /// Appends a column that was read by itself.
-    pub(crate) fn append(&mut self, other: Self) {
+    pub(crate) fn append(&mut self, other: &Self) {
         use Column::{Double, Float, Int, Long, Text, Truth};
         match (&mut *self, other) {
-            (Int(to), Int(from)) => to.extend_from_slice(&from),
-            (Long(to), Long(from)) => to.extend_from_slice(&from),
-            (Float(to), Float(from)) => to.extend_from_slice(&from),
-            (Double(to), Double(from)) => to.extend_from_slice(&from),
-            (Truth(to), Truth(from)) => to.extend_from_slice(&from),
-            (Text(to), Text(from)) => to.append(&from),
-            (Long(to), Int(from)) => to.extend(from.into_iter().map(i64::from)),
+            (Int(to), Int(from)) => to.extend_from_slice(from),
+            (Long(to), Long(from)) => to.extend_from_slice(from),
+            (Float(to), Float(from)) => to.extend_from_slice(from),
+            (Double(to), Double(from)) => to.extend_from_slice(from),
+            (Truth(to), Truth(from)) => to.extend_from_slice(from),
+            (Text(to), Text(from)) => to.append(from),
+            (Long(to), Int(from)) => to.extend(from.iter().copied().map(i64::from)),
             (Int(to), Long(from)) => {
                 let mut wide: Vec<i64> = to.iter().map(|&value| value.into()).collect();
                 wide.extend(from);
@@ -314,13 +335,13 @@ impl Column {
             }
             (_, other) => {
                 let (fits, other_fits) = (self.fits_float(), other.fits_float());
-                let (mut wide, more) = (self.take_doubles(), { other }.take_doubles());
+                let (mut wide, more) = (self.doubles(), other.doubles());
                 *self = if fits && other_fits {
                     // Both come from values of at most 32 bits: nothing is lost on the way back.
-                    Float(wide.iter().chain(&more).map(|&value| value as f32).collect())
+                    Float(wide.iter().chain(more.iter()).map(|&value| value as f32).collect())
                 } else {
-                    wide.extend(more);
-                    Double(wide)
+                    wide.to_mut().extend_from_slice(&more);
+                    Double(wide.into_owned())
                 };
             }
         }
@@ -336,12 +357,12 @@ impl Column {
         }
     }
 
-    fn take_doubles(&mut self) -> Vec<f64> {
+    fn doubles(&self) -> Cow<'_, [f64]> {
         match self {
             Self::Int(column) => column.iter().map(|&value| value.into()).collect(),
             Self::Long(column) => column.iter().map(|&value| value as f64).collect(),
             Self::Float(column) => column.iter().map(|&value| value.into()).collect(),
-            Self::Double(column) => std::mem::take(column),
+            Self::Double(column) => Cow::Borrowed(column),
             Self::Truth(column) => column.iter().map(|&value| value.into()).collect(),
             Self::Text(words) => words.codes.iter().map(|&value| value.into()).collect(),
         }
@@ -370,23 +391,51 @@ fn truth(token: &[u8]) -> Option<u8> {
 }
 
 /// Words by code, in order of first appearance.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub(crate) struct Words {
     codes: Vec<u32>,
     names: Vec<String>,
     known: HashMap<Vec<u8>, u32>,
-    /// The first words as numbers: see [`number_of_word`].
-    first: Vec<Option<u64>>,
+    /// Short words as numbers, and their codes, at the places of [`slot`]: looked up without a hash and, as words follow no rule,
+    /// without a branch that could be guessed wrong.
+    short: Box<[(u64, u32); SLOTS]>,
 }
 
-/// So many words are looked up without a hash. Elements and types are fewer.
-const FIRST_WORDS: usize = 16;
+/// So many short words are looked up quickly at most. Elements and types are fewer.
+const SLOTS: usize = 64;
+
+impl Default for Words {
+    fn default() -> Self {
+        // No word is the largest number.
+        Self {
+            codes: Vec::new(),
+            names: Vec::new(),
+            known: HashMap::new(),
+            short: Box::new([(u64::MAX, 0); SLOTS]),
+        }
+    }
+}
 
 /// A word of up to seven bytes as a number that no other word has.
 #[inline(always)]
 fn number_of_word(word: &[u8]) -> Option<u64> {
-    (word.len() < 8)
-        .then(|| word.iter().fold(word.len() as u64, |number, &byte| number << 8 | u64::from(byte)))
+    let length = word.len() as u64;
+    match word {
+        [] => Some(0),
+        // Up to three bytes without a step for each: its first, middle and last one.
+        [first, .., last] if length < 4 => Some(
+            length << 24 | u64::from(word[word.len() / 2]) << 16 | u64::from(*last) << 8 | u64::from(*first),
+        ),
+        [only] => Some(1 << 24 | u64::from(*only)),
+        _ => (length < 8).then(|| word.iter().fold(length, |number, &byte| number << 8 | u64::from(byte))),
+    }
+}
+
+/// Where a short word is looked up.
+#[inline(always)]
+fn slot(number: u64) -> usize {
+    // By the golden ratio, which spreads numbers that are alike.
+    (number.wrapping_mul(0x9e37_79b9_7f4a_7c15) >> 58) as usize % SLOTS
 }
 
 impl Words {
@@ -398,13 +447,17 @@ impl Words {
     /// Appends a word.
     #[inline]
     pub(crate) fn push(&mut self, token: &[u8]) {
-        // Neighbors are often alike: look at the last word first.
-        let last = self.codes.last().copied().filter(|&code| self.names[code as usize].as_bytes() == token);
-        let code = last.unwrap_or_else(|| {
-            let number = number_of_word(token);
-            let place = self.first.iter().position(|it| number.is_some() && *it == number);
-            place.map_or_else(|| self.code(token), |place| place as u32)
-        });
+        let number = number_of_word(token);
+        let code = match number {
+            Some(number) if self.short[slot(number)].0 == number => self.short[slot(number)].1,
+            _ => {
+                let code = self.code(token);
+                if let Some(number) = number {
+                    self.short[slot(number)] = (number, code);
+                }
+                code
+            }
+        };
         self.codes.push(code);
     }
 
@@ -415,9 +468,6 @@ impl Words {
         let code = self.names.len() as u32;
         self.names.push(String::from_utf8_lossy(token).replace("\"\"", "\""));
         self.known.insert(token.to_vec(), code);
-        if self.first.len() < FIRST_WORDS {
-            self.first.push(number_of_word(token));
-        }
         code
     }
 
@@ -430,14 +480,20 @@ impl Words {
 
 #[cfg(test)]
 mod tests {
+    use fearless_simd::{Level, dispatch};
+
     use super::*;
 
     const COMMA: Separator = Separator { byte: Some(b','), decimal_comma: false };
 
+    fn push(column: &mut Column, token: &[u8], separator: Separator) -> Option<usize> {
+        dispatch!(Level::new(), simd => column.push(simd, Rest(token), separator))
+    }
+
     fn read(kind: Kind, tokens: &[&str]) -> Values {
         let mut column = Column::new(kind, 0);
         for token in tokens {
-            assert_eq!(column.push(token.as_bytes(), COMMA), Some(token.len()), "{token}");
+            assert_eq!(push(&mut column, token.as_bytes(), COMMA), Some(token.len()), "{token}");
         }
         column.into_values()
     }
@@ -459,8 +515,8 @@ mod tests {
         let mut joined = Column::new(Kind::Integer, 0);
         for token in tokens {
             let mut part = Column::new(Kind::Integer, 0);
-            part.push(token.as_bytes(), COMMA).unwrap();
-            joined.append(part);
+            push(&mut part, token.as_bytes(), COMMA).unwrap();
+            joined.append(&part);
         }
         assert_eq!(joined.into_values(), whole);
     }
@@ -485,7 +541,7 @@ mod tests {
         let words: Vec<String> = (0..60).map(|k| ["a".repeat(k % 20), k.to_string()].concat()).collect();
         let mut column = Column::new(Kind::Text, 0);
         for word in words.iter().chain(words.iter().rev()) {
-            column.push(word.as_bytes(), Separator::BLANKS).unwrap();
+            push(&mut column, word.as_bytes(), Separator::BLANKS).unwrap();
         }
         let codes = (0..60).chain((0..60).rev()).collect();
         assert_eq!(column.into_values(), Values::Text { codes, names: words });
@@ -496,12 +552,12 @@ mod tests {
         let mut column = Column::new(Kind::Text, 0);
         let mut more = Column::new(Kind::Text, 0);
         for token in ["O", "H", "H"] {
-            column.push(token.as_bytes(), COMMA).unwrap();
+            push(&mut column, token.as_bytes(), COMMA).unwrap();
         }
         for token in ["\"H\"", "C,", "O"] {
-            more.push(token.as_bytes(), COMMA).unwrap();
+            push(&mut more, token.as_bytes(), COMMA).unwrap();
         }
-        column.append(more);
+        column.append(&more);
         let names = ["O", "H", "C"].map(str::to_string).to_vec();
         assert_eq!(column.into_values(), Values::Text { codes: vec![0, 1, 1, 1, 2, 0], names });
     }

@@ -21,6 +21,8 @@ const WINDOW: usize = 1 << 18;
 const MAPPED_WINDOW: usize = 8 << 20;
 /// How much of it one thread looks at.
 const SHARE: usize = 1 << 19;
+/// So many line feeds fit a byte.
+const COUNTED: usize = 192;
 /// How much a stream unpacks at once.
 const STREAM_STEP: usize = 1 << 20;
 /// How much content is passed over between two words to who listens: at most a few hundred times a second.
@@ -243,8 +245,7 @@ impl<'a> Feed<'a> {
             let found = line_feeds(window);
             let whole = memrchr(b'\n', window).map_or(0, |place| place + 1);
             if found >= lines - skipped {
-                let nth = (lines - skipped - 1) as usize;
-                let end = memchr_iter(b'\n', window).nth(nth).map_or(window.len(), |place| place + 1);
+                let end = lines_end(window, lines - skipped).unwrap_or(window.len());
                 self.advance(end, lines - skipped);
                 return Ok(lines);
             }
@@ -351,14 +352,30 @@ fn block_end(bytes: &[u8], rows: u64) -> (usize, u64) {
     if lines <= rows {
         return (bytes.len(), lines);
     }
-    let end = memchr_iter(b'\n', bytes).nth(rows as usize - 1).expect("there are more lines than rows");
-    (end + 1, rows)
+    (lines_end(bytes, rows).expect("there are more lines than rows"), rows)
+}
+
+/// Where line `lines` of `bytes` ends, counted from 1, if its line feed is there.
+fn lines_end(bytes: &[u8], mut lines: u64) -> Option<usize> {
+    for (place, part) in bytes.chunks(COUNTED).enumerate() {
+        let feeds = u64::from(few_line_feeds(part));
+        if feeds >= lines {
+            return memchr_iter(b'\n', part).nth(lines as usize - 1).map(|end| COUNTED * place + end + 1);
+        }
+        lines -= feeds;
+    }
+    None
 }
 
 fn line_feeds(bytes: &[u8]) -> u64 {
-    let of_share = |share: &[u8]| memchr_iter(b'\n', share).count() as u64;
+    let of_share = |share: &[u8]| share.chunks(COUNTED).map(few_line_feeds).map(u64::from).sum::<u64>();
     // Most calls are for a few lines, which are not worth a thread.
     if bytes.len() <= SHARE { of_share(bytes) } else { bytes.par_chunks(SHARE).map(of_share).sum() }
+}
+
+/// The line feeds of at most [`COUNTED`] bytes, which compilers turn into a sum on vectors.
+fn few_line_feeds(bytes: &[u8]) -> u8 {
+    bytes.iter().map(|&byte| u8::from(byte == b'\n')).sum()
 }
 
 /// Whether a stream has more to give.

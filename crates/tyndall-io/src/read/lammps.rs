@@ -418,12 +418,12 @@ pub(super) fn time_unit(is_time: bool, units: Option<&str>) -> Option<String> {
 /// The warning if coordinates that are said to be real fill 0..1 in a cell that is far from unit size.
 pub(super) fn looks_scaled(particles: &Particles, names: &[String], axes: [usize; 3]) -> Option<String> {
     let cell = particles.cell().filter(|_| particles.len() >= 8)?;
-    let (bounds, origin) = (particles.bounds(), particles.positions().origin());
-    let [min, max] = [bounds.min, bounds.max].map(|corner| origin + corner.as_dvec3());
-    let within = min.cmpge(DVec3::splat(-0.02)).all() && max.cmple(DVec3::splat(1.02)).all();
     let edge = cell.vectors.iter().map(|it| it.length()).fold(0.0, f64::max);
+    let is_within = |at: DVec3| at.cmpge(DVec3::splat(-0.02)).all() && at.cmple(DVec3::splat(1.02)).all();
+    // One that lies outside is found soon, where there are any.
+    let all_within = edge > 2.0 && (0..particles.len()).all(|id| is_within(particles.positions().world(id)));
     let names = axes.map(|axis| names[axis].as_str()).join(" ");
-    (within && (max - min).max_element() > 0.5 && edge > 2.0).then(|| {
+    (all_within && particles.bounds().extent().max_element() > 0.5).then(|| {
         format!(
             "coordinates look scaled (0..1) but the columns are '{names}' — reading as real; use --coords scaled to change"
         )

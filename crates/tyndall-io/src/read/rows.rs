@@ -4,12 +4,16 @@
 //! in order, every column by itself. Blocks and slices have fixed sizes, so the result does not depend on the number of threads. In
 //! flight are one block of text and its columns; all else is the final columns.
 
-use rayon::prelude::*;
-use tyndall::scene::wanted::{Offered, Wanted};
-use tyndall::{Attribute, Cell, DVec3, Error, Positions, Progress, Result};
+mod part;
 
-use super::column::{Column, Kind, Rest, Separator, number};
+use rayon::prelude::*;
+use tyndall::pages::reserve;
+use tyndall::scene::wanted::{Offered, Wanted};
+use tyndall::{Attribute, Cell, DVec3, Positions, Progress, Result};
+
+use super::column::{Column, Kind, Separator, number};
 use super::feed::Feed;
+use part::{Part, Stop};
 
 /// Text that is parsed together.
 const BLOCK: usize = 8 << 20;
@@ -141,32 +145,35 @@ impl Builder {
         // A row has at least a digit and a separator a field.
         let most = bytes.map_or(1 << 16, |bytes| bytes / (2 * layout.roles.len() as u64));
         let expected = count.or(bytes.map(|bytes| bytes / row_bytes(feed))).unwrap_or(0).min(most) as usize;
-        self.offsets.iter_mut().for_each(|column| column.reserve(expected));
+        self.offsets.iter_mut().for_each(|column| reserve(column, expected));
         for (column, heading) in self.columns.iter_mut().zip(&layout.headings) {
             column.reserve(expected.saturating_mul(heading.components));
         }
 
         let path = feed.path().to_path_buf();
         let mut left = count.unwrap_or(u64::MAX);
+        // They are filled again and again, so that no memory is asked for.
+        let mut parts: Vec<Part> = Vec::new();
         let block_bytes = bytes.map_or(BLOCK, |bytes| bytes.clamp(1 << 12, BLOCK as u64) as usize);
         loop {
             let parsed = feed.block(block_bytes, left, |block| {
                 let slices = slices(block.bytes);
-                let parse = |slice: &&[u8]| {
-                    let part =
-                        if progress.cancelled() { Err(Stop::Cancelled) } else { Part::read(slice, layout) };
+                parts.resize_with(parts.len().max(slices.len()), || Part::new(layout));
+                let parts = &mut parts[..slices.len()];
+                let parse = |(part, slice): (&mut Part, &&[u8])| {
+                    let read =
+                        if progress.cancelled() { Err(Stop::Cancelled) } else { part.read(slice, layout) };
                     progress.advance(slice.len() as u64);
-                    part
+                    read
                 };
-                let read: Vec<_> = slices.par_iter().map(parse).collect();
+                // One by one, so that no thread waits long for the others.
+                let read: Vec<_> = parts.par_iter_mut().zip(&slices).with_max_len(1).map(parse).collect();
                 let (mut line, mut rows) = (block.first_line, 0);
-                let mut parts = Vec::with_capacity(read.len());
-                for (part, slice) in read.into_iter().zip(slices) {
-                    let part = part.map_err(|stop| stop.at(&path, line))?;
+                for ((part, slice), read) in parts.iter().zip(slices).zip(read) {
+                    read.map_err(|stop| stop.at(&path, line))?;
                     line += part.lines;
                     debug_assert_eq!(part.lines, part_lines(slice));
                     rows += part.rows() as u64;
-                    parts.push(part);
                 }
                 let middle = || parts.first().map_or(DVec3::ZERO, Part::middle);
                 let origin = *self.origin.get_or_insert_with(middle);
@@ -204,23 +211,19 @@ impl Builder {
 }
 
 /// Appends what slices had, every column on a thread of its own.
-fn join(mut parts: Vec<Part>, origin: DVec3, offsets: &mut [Vec<f32>; 3], columns: &mut [Column]) {
-    let pieces: Vec<Vec<Column>> = parts.iter_mut().map(|part| std::mem::take(&mut part.columns)).collect();
-    // From a table by slices to one by columns.
-    let mut pieces: Vec<_> = pieces.into_iter().map(Vec::into_iter).collect();
-    let pieces: Vec<Vec<Column>> =
-        columns.iter().map(|_| pieces.iter_mut().filter_map(Iterator::next).collect()).collect();
-    let append = |(column, pieces): (&mut Column, Vec<Column>)| {
-        pieces.into_iter().for_each(|piece| column.append(piece));
+fn join(parts: &[Part], origin: DVec3, offsets: &mut [Vec<f32>; 3], columns: &mut [Column]) {
+    let append = |(place, column): (usize, &mut Column)| {
+        parts.iter().for_each(|part| column.append(&part.columns[place]));
     };
     let extend = |(axis, offsets): (usize, &mut Vec<f32>)| {
-        for part in &parts {
-            offsets.extend(part.axes[axis].iter().map(|value| (value - origin[axis]) as f32));
+        let origin = origin[axis];
+        for part in parts {
+            offsets.extend(part.axes[axis].iter().map(|value| (value - origin) as f32));
         }
     };
     rayon::join(
-        || offsets.par_iter_mut().enumerate().for_each(extend),
-        || columns.par_iter_mut().zip(pieces).for_each(append),
+        || offsets.par_iter_mut().enumerate().with_max_len(1).for_each(extend),
+        || columns.par_iter_mut().enumerate().with_max_len(1).for_each(append),
     );
 }
 
@@ -314,199 +317,6 @@ pub(crate) fn slices(block: &[u8]) -> Vec<&[u8]> {
     slices
 }
 
-/// Why a slice could not be read.
-enum Stop {
-    Cancelled,
-    /// In line `line` of the slice, counted from 0.
-    Fault {
-        line: u64,
-        what: String,
-    },
-}
-
-impl Stop {
-    fn at(self, path: &std::path::Path, first_line: u64) -> Error {
-        match self {
-            Self::Cancelled => Error::Interrupted,
-            Self::Fault { line, what } => {
-                let hint = "correct the line, or leave it out";
-                Error::format(path, format!("line {}", first_line + line), what, hint)
-            }
-        }
-    }
-}
-
-/// A line, from `start` to `end` of a text.
-struct Line<'a> {
-    text: &'a [u8],
-    start: usize,
-    end: usize,
-    separator: Separator,
-}
-
-/// A slice, read.
-struct Part {
-    axes: [Vec<f64>; 3],
-    columns: Vec<Column>,
-    lines: u64,
-}
-
-impl Part {
-    fn read(slice: &[u8], layout: &Layout) -> std::result::Result<Self, Stop> {
-        // Between blanks nearly all numbers stand: the loops for them are made apart.
-        match layout.separator {
-            Separator::BLANKS => Self::read_between(slice, layout, Separator::BLANKS),
-            other => Self::read_between(slice, layout, other),
-        }
-    }
-
-    #[inline(always)]
-    fn read_between(slice: &[u8], layout: &Layout, separator: Separator) -> std::result::Result<Self, Stop> {
-        // Most fields have eight bytes or more; a guess that is too small costs a move.
-        let guess = slice.len() / (8 * layout.roles.len()) + 1;
-        let new_column = |it: &Heading| Column::new(it.kind, guess * it.components);
-        let columns = layout.headings.iter().map(new_column).collect();
-        let axes = std::array::from_fn(|_| Vec::with_capacity(guess));
-        let mut part = Self { axes, columns, lines: 0 };
-        let mut at = 0;
-        while at < slice.len() {
-            let end = memchr::memchr(b'\n', &slice[at..]).map_or(slice.len(), |length| at + length);
-            let next = end + 1;
-            let end = if slice[at..end].ends_with(b"\r") { end - 1 } else { end };
-            if !layout.gaps || !is_gap(&slice[at..end]) {
-                let line = Line { text: slice, start: at, end, separator };
-                part.row(line, layout).map_err(|what| Stop::Fault { line: part.lines, what })?;
-            }
-            part.lines += 1;
-            at = next;
-        }
-        Ok(part)
-    }
-
-    /// How many particles it has.
-    fn rows(&self) -> usize {
-        self.axes[0].len()
-    }
-
-    /// The middle of its positions.
-    fn middle(&self) -> DVec3 {
-        let position = |row: usize| DVec3::from_array(std::array::from_fn(|axis| self.axes[axis][row]));
-        let mut positions = Positions::new();
-        positions.extend(&(0..self.rows()).map(position).collect::<Vec<_>>());
-        positions.origin()
-    }
-
-    /// Reads a line; gives what is wrong with it if it cannot be read.
-    #[inline(always)]
-    fn row(&mut self, line: Line, layout: &Layout) -> std::result::Result<(), String> {
-        let Line { text, start, end, separator } = line;
-        // The compiler then knows it below.
-        assert!(start <= end && end <= text.len());
-        let mut position = DVec3::ZERO;
-        let mut at = start;
-        let wrong_count = || wrong_count(&text[start..end], layout);
-        for (field, role) in layout.roles.iter().enumerate() {
-            while at < end && separator.is_blank(text[at]) {
-                at += 1;
-            }
-            if at == end {
-                return Err(wrong_count());
-            }
-            let rest = Rest::of(text, at, end);
-            let taken = match *role {
-                Role::Axis(axis) => number(rest, separator).map(|(value, taken)| {
-                    position[axis] = value;
-                    taken
-                }),
-                Role::Attribute(attribute) => self.columns[attribute].push(rest, separator),
-                Role::Skipped => Some(separator.token(rest.line()).1),
-            };
-            let wrong_value = || wrong_value(&text[start..end], layout, field, rest.line());
-            at += taken.ok_or_else(wrong_value)?;
-            if let Some(byte) = separator.byte {
-                while at < end && separator.is_blank(text[at]) {
-                    at += 1;
-                }
-                match text[at..end].first() {
-                    Some(&next) if next == byte => at += 1,
-                    // The last field may be missing: the separator before it is then the line's last byte.
-                    None if field + 1 < layout.roles.len() => return Err(wrong_count()),
-                    None => {}
-                    Some(_) => return Err(wrong_value()),
-                }
-                if at == end && field + 2 == layout.roles.len() {
-                    self.missing(layout.roles[field + 1], &mut position).ok_or_else(wrong_count)?;
-                    break;
-                }
-            }
-        }
-        match text[at..end].trim_ascii_start() {
-            [] => {}
-            [b'#', ..] if layout.gaps => {}
-            _ => return Err(wrong_count()),
-        }
-        if let Some(cell) = &layout.scaled {
-            position = from_fractions(cell, position);
-        }
-        for (axis, column) in self.axes.iter_mut().enumerate() {
-            column.push(position[axis]);
-        }
-        Ok(())
-    }
-
-    /// A missing last value.
-    fn missing(&mut self, role: Role, position: &mut DVec3) -> Option<usize> {
-        match role {
-            Role::Axis(axis) => {
-                position[axis] = f64::NAN;
-                Some(0)
-            }
-            Role::Attribute(attribute) => {
-                let comma = Separator { byte: Some(b','), decimal_comma: false };
-                self.columns[attribute].push(&b""[..], comma)
-            }
-            Role::Skipped => Some(0),
-        }
-    }
-}
-
-fn is_gap(line: &[u8]) -> bool {
-    let line = line.trim_ascii_start();
-    line.is_empty() || line[0] == b'#'
-}
-
-/// The place of the point that lies at these fractions of the cell's edges.
-fn from_fractions(cell: &Cell, fractions: DVec3) -> DVec3 {
-    let [a, b, c] = cell.vectors;
-    cell.origin + fractions.x * a + fractions.y * b + fractions.z * c
-}
-
-#[cold]
-fn wrong_count(line: &[u8], layout: &Layout) -> String {
-    let wanted = layout.roles.len();
-    let found = split(line, layout.separator).count();
-    format!("wanted {wanted} values, found {found}: '{}'", shortened(line))
-}
-
-#[cold]
-fn wrong_value(line: &[u8], layout: &Layout, field: usize, rest: &[u8]) -> String {
-    let (token, _) = layout.separator.token(rest);
-    let (name, wanted) = match layout.roles[field] {
-        Role::Axis(axis) => (["x", "y", "z"][axis], "a number"),
-        Role::Attribute(attribute) => {
-            let heading = &layout.headings[attribute];
-            (heading.name.as_str(), if heading.kind == Kind::Truth { "T or F" } else { "a number" })
-        }
-        Role::Skipped => ("what is skipped", "a value"),
-    };
-    // A field that is neither may have lost its separator, so that the count is what the reader needs.
-    let found = split(line, layout.separator).count();
-    if found != layout.roles.len() {
-        return wrong_count(line, layout);
-    }
-    format!("wanted {wanted} for {name} (column {}), found '{}'", field + 1, shortened(token))
-}
-
 /// Text for a message.
 pub(crate) fn shortened(text: &[u8]) -> String {
     let text = String::from_utf8_lossy(text);
@@ -521,7 +331,7 @@ pub(crate) fn shortened(text: &[u8]) -> String {
 mod tests {
     use super::*;
     use std::path::Path;
-    use tyndall::Values;
+    use tyndall::{Error, Values};
 
     fn layout(separator: Separator) -> Layout {
         let headings = vec![Heading::scalar("id", Kind::Integer)];
@@ -552,6 +362,44 @@ mod tests {
         let text = "1 2 3 4\n\n# more\n2 2 3 4\n3 2 3 4\n4 0 0 0\n";
         assert_eq!(rows(text, Some(3), &layout).unwrap().positions.len(), 3);
         assert!(rows(text, Some(5), &layout).err().unwrap().to_string().contains("after 4 of 5 particles"));
+    }
+
+    #[test]
+    fn numbers_are_those_of_the_standard_library_whatever_stands_around_them() {
+        let mut state = 7u64;
+        let mut random = |below: u64| {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            (state >> 33) % below
+        };
+        for separator in [Separator::BLANKS, Separator { byte: Some(b','), decimal_comma: false }] {
+            let (mut text, mut wanted) = (String::new(), [const { Vec::new() }; 4]);
+            for _ in 0..2000 {
+                for (field, wanted) in wanted.iter_mut().enumerate() {
+                    let value = random(2_000_000_000) as f64 - 1e9;
+                    let number = match (field, random(6)) {
+                        (0, _) => format!("{:.0}", value / [1.0, 1e4, 1e8][random(3) as usize]),
+                        (_, 0) => format!("{value:e}"),
+                        (_, 1) => format!("{:.17}", value * 1e-9),
+                        (_, 2) => format!("+{:.3}", value.abs() * 1e-7),
+                        (_, decimals) => format!("{:.*}", 2 * decimals as usize, value * 1e-7),
+                    };
+                    wanted.push(number.parse::<f64>().unwrap());
+                    text += ["", "", " ", "  "][random(4) as usize];
+                    text += &number;
+                    let between = if separator.byte.is_some() { [",", " ,"] } else { [" ", " \t"] };
+                    text += if field < 3 { between[random(2) as usize] } else { "" };
+                }
+                text += ["\n", "\r\n", " \n", "\t\r\n"][random(4) as usize];
+            }
+            let rows = rows(text.trim_end(), Some(2000), &layout(separator)).unwrap();
+            let origin = rows.positions.origin();
+            for row in 0..2000 {
+                assert_eq!(rows.attributes[0].values.number(row), wanted[0][row], "row {row}");
+                let offsets = rows.positions.offset(row).to_array();
+                let expected = [0, 1, 2].map(|axis| (wanted[axis + 1][row] - origin[axis]) as f32);
+                assert_eq!(offsets, expected, "row {row}");
+            }
+        }
     }
 
     #[test]
