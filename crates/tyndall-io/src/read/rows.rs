@@ -372,9 +372,9 @@ mod tests {
             (state >> 33) % below
         };
         for separator in [Separator::BLANKS, Separator { byte: Some(b','), decimal_comma: false }] {
-            let (mut text, mut wanted) = (String::new(), [const { Vec::new() }; 4]);
-            for _ in 0..2000 {
-                for (field, wanted) in wanted.iter_mut().enumerate() {
+            let (mut text, mut wanted) = (String::new(), vec![[0.0; 4]; 2000]);
+            for row in &mut wanted {
+                for (field, wanted) in row.iter_mut().enumerate() {
                     let value = random(2_000_000_000) as f64 - 1e9;
                     let number = match (field, random(6)) {
                         (0, _) => format!("{:.0}", value / [1.0, 1e4, 1e8][random(3) as usize]),
@@ -383,7 +383,7 @@ mod tests {
                         (_, 2) => format!("+{:.3}", value.abs() * 1e-7),
                         (_, decimals) => format!("{:.*}", 2 * decimals as usize, value * 1e-7),
                     };
-                    wanted.push(number.parse::<f64>().unwrap());
+                    *wanted = number.parse::<f64>().unwrap();
                     text += ["", "", " ", "  "][random(4) as usize];
                     text += &number;
                     let between = if separator.byte.is_some() { [",", " ,"] } else { [" ", " \t"] };
@@ -393,10 +393,10 @@ mod tests {
             }
             let rows = rows(text.trim_end(), Some(2000), &layout(separator)).unwrap();
             let origin = rows.positions.origin();
-            for row in 0..2000 {
-                assert_eq!(rows.attributes[0].values.number(row), wanted[0][row], "row {row}");
+            for (row, wanted) in wanted.iter().enumerate() {
+                assert_eq!(rows.attributes[0].values.number(row), wanted[0], "row {row}");
                 let offsets = rows.positions.offset(row).to_array();
-                let expected = [0, 1, 2].map(|axis| (wanted[axis + 1][row] - origin[axis]) as f32);
+                let expected = [0, 1, 2].map(|axis| (wanted[axis + 1] - origin[axis]) as f32);
                 assert_eq!(offsets, expected, "row {row}");
             }
         }
