@@ -204,17 +204,3 @@ fn light_in_finer_bricks_is_as_close_as_the_cache_and_continuous() {
     }
     assert!(sides > 1000, "{sides}");
 }
-
-#[test]
-fn lattices_of_light_between_finer_and_coarse_bricks_hold_the_mass() {
-    // Wide enough that nothing is cut off.
-    let lattice = Lattice { origin: Vec3::splat(-1.44), spacing: 0.16, size: [19; 3] };
-    let medium = on_lattice(grey(1e-3, 0.5, 0.0), lattice, 2);
-    let grid = medium.density();
-    for spacing in [0.12, 0.08, 0.05] {
-        let lattice = lattice_over(grid, spacing);
-        let sum: f64 = Field::density(grid, lattice).values.iter().map(|&it| f64::from(it)).sum();
-        let mass = sum * f64::from(spacing).powi(3);
-        assert!((mass / grid.mass() - 1.0).abs() < 0.02, "{spacing}: {mass} for {}", grid.mass());
-    }
-}
