@@ -218,6 +218,23 @@ fn without_a_cache_spheres_shadow_matter_too() {
 }
 
 #[test]
+fn bodies_that_give_off_what_they_absorb_are_invisible_in_a_furnace() {
+    let radiance = 0.25;
+    let lights = [sky([radiance; 3])];
+    let (medium, mut solids) = (cube(2.0, 1.0, 0.4), some_spheres());
+    let glow = [0.8, 0.5, 0.2].map(|color| radiance * (1.0 - color));
+    solids.set_glow(Some(&[glow; 14])).unwrap();
+    for (pixels, most) in [
+        (traced(&medium, &lights, &solids, None, 16), 0.002),
+        (marched(&medium, &lights, &solids, &Settings::default(), 4), 0.01),
+    ] {
+        let seen = pixels.iter().map(|pixel| pixel.scattered + pixel.environment);
+        let mean = seen.sum::<Vec3>() / pixels.len() as f32;
+        assert!((mean / radiance - 1.0).abs().max_element() < most, "{mean}");
+    }
+}
+
+#[test]
 fn spheres_that_glow_are_seen_and_light_the_matter_around_them() {
     let mut black = spheres(&[Vec3::new(0.0, 0.0, -0.5)], 0.5, [0.0; 3]);
     let glow = Vec3::new(2.0, 1.0, 0.5);
