@@ -189,7 +189,7 @@ fn light_in_finer_bricks_is_as_close_as_the_cache_and_continuous() {
     }
     assert!(count > 300 && errors[0] < 0.3 * errors[1], "{errors:?} {count}");
     // From both sides of sides of bricks.
-    let mut sides = 0;
+    let mut sides = Vec::new();
     for _ in 0..4000 {
         let mut at = Vec3::new(0.3, -0.1, 0.0) + 0.6 * stream.cube();
         let axis = stream.below(3);
@@ -198,9 +198,13 @@ fn light_in_finer_bricks_is_as_close_as_the_cache_and_continuous() {
         let aside = 1e-4 * grid.spacing() * Vec3::AXES[axis];
         let [(before, a), (after, b)] = [-1.0, 1.0].map(|way| bricks.at(place(at + way * aside)));
         if before > 0.0 && after > 0.0 {
-            sides += 1;
-            assert!((a - b).abs() < 4e-3 * (a + b), "{at} axis {axis}: {a} {b}");
+            sides.push((at, a, b));
         }
     }
-    assert!(sides > 1000, "{sides}");
+    assert!(sides.len() > 1000, "{}", sides.len());
+    // Deep in shadow rounded places tell more than light does.
+    let brightest = sides.iter().fold(0.0, |most, (_, a, _)| a.max(most));
+    for (at, a, b) in sides {
+        assert!((a - b).abs() < 2e-3 * (a + b) + 1e-4 * brightest, "{at}: {a} {b} of {brightest}");
+    }
 }
