@@ -4,7 +4,7 @@
 //! exactly, so that what comes through has no noise, and first scatterings are drawn from the part that does not come through.
 //! From there null collisions find the next scattering; at each one, the lights without extent are looked at through an
 //! estimated transmittance, and an image of the sky both by its own and by the phase function's directions; what matter emits is
-//! added where a path meets it. Lamps in the medium are found by paths that start at them, too ([`lamps`]). There is no limit of
+//! added where a path meets it. Lamps in the medium are found by paths that start at them, too (`reference/lamps.rs`). There is no limit of
 //! orders: paths end by Russian roulette. Invariant: with a right free path and all orders the expected value of every pixel is its
 //! radiance; the same seed gives the same bits for any number of threads.
 //!
