@@ -247,11 +247,12 @@ impl Cache {
         self.albedo * self.near.iter().map(|light| light.scattered(at, self.phase, direction)).sum::<Vec3>()
     }
 
-    /// The radiance that scattering adds at a point, per extinction, to light that travels against `direction`.
+    /// The radiance that scattering adds at a point, per extinction, to light that travels against `direction`. Never below 0, as the few harmonics of
+    /// light that comes from one side, such as beside fire, may be on the other.
     pub(super) fn scattered(&self, at: Vec3, direction: Vec3) -> Vec3 {
         let weights = harmonics::scattered(-direction, self.phase.g());
         let far: Vec3 = self.far.iter().map(|light| light.scattered(at, self.phase, direction)).sum();
-        self.albedo * (self.smooth(at, &weights) + far) + self.near(at, direction)
+        self.albedo * (self.smooth(at, &weights) + far).max(Vec3::ZERO) + self.near(at, direction)
     }
 
     /// Memory that it takes.
@@ -395,7 +396,7 @@ impl<L: Spectrum> Lights<L> for Seen<'_> {
         };
         let share = self.medium.emitting_share();
         for (place, (light, sum)) in row.iter_mut().zip(sums).enumerate() {
-            let mut sum = albedo * sum;
+            let mut sum = albedo * sum.max(Vec3::ZERO);
             if let Some(emission) = self.medium.emission() {
                 let [i, j, k] = self.lattice.size.map(|count| (count - 1) * along);
                 let within = [i.min(first[0] + place as u32), j.min(first[1]), k.min(first[2])];
