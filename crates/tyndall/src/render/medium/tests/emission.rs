@@ -95,6 +95,24 @@ fn glowing_matter_lights_itself_as_the_reference_says() {
 }
 
 #[test]
+fn light_beside_a_flame_is_not_below_zero() {
+    // A small flame at one side of smoke that throws light mostly on.
+    let medium = cube(3.0, 0.9, 0.7);
+    let emission = Emission::of(medium.density(), |[i, j, k]| match [i, j, k] {
+        [2..4, 7..9, 7..9] => [1000.0, 1.0, 0.0],
+        _ => [0.0; 3],
+    });
+    let medium = medium.with_emission(emission).unwrap();
+    let cache = Cache::new(&medium, &[], &Settings::default(), &()).unwrap();
+    let mut stream = Stream::new(81, 0);
+    for _ in 0..4000 {
+        let (at, direction) = (0.9 * stream.cube(), stream.direction());
+        let light = cache.scattered(at, direction);
+        assert!(light.cmpge(Vec3::ZERO).all(), "{at} {direction}: {light}");
+    }
+}
+
+#[test]
 fn photons_of_matter_carry_its_power() {
     let medium = glowing_lumps(grey(6.0, 0.8, 0.0));
     let photons = photons::trace(&medium, &[], &photon_settings(40_000), &()).unwrap();
