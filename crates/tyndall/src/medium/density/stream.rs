@@ -72,7 +72,7 @@ fn stream_by(
     let planned = Planned::new(source, settings, at_once, progress)?;
     let Planned { survey, load, lattice, longest, bytes, .. } = &planned;
     let mut notes = planned.notes.clone();
-    let regions = Regions::over(survey, lattice, *longest, at_once)?.found;
+    let regions = Regions::over((survey, load.columns()), lattice, *longest, at_once)?.found;
     let all: Vec<&Region> = regions.iter().collect();
     let mut filling = Filling::new(*lattice, load.columns());
     progress.begin("density", Some(regions.iter().map(Region::brick_count).sum()), "bricks");
@@ -305,14 +305,21 @@ struct Regions<'a> {
     lattice: &'a Lattice,
     longest: f32,
     at_once: u64,
+    /// Values that each particle has.
+    columns: usize,
     found: Vec<Region>,
     /// Particles of all, each as often as it is in one.
     gathered: u64,
 }
 
 impl<'a> Regions<'a> {
-    fn over(survey: &'a Survey, lattice: &'a Lattice, longest: f32, at_once: u64) -> Result<Self> {
-        let mut regions = Self { survey, lattice, longest, at_once, found: Vec::new(), gathered: 0 };
+    fn over(
+        (survey, columns): (&'a Survey, usize),
+        lattice: &'a Lattice,
+        longest: f32,
+        at_once: u64,
+    ) -> Result<Self> {
+        let mut regions = Self { survey, columns, lattice, longest, at_once, found: Vec::new(), gathered: 0 };
         regions.cut([0; 3], lattice.bricks())?;
         Ok(regions)
     }
@@ -334,7 +341,7 @@ impl<'a> Regions<'a> {
         }
         if is_one || self.gathered + particles > most {
             let place = format!("within {} of a brick", self.longest);
-            return Err(too_many((particles, self.at_once), &place));
+            return Err(too_many(particles, self.at_once, self.columns, &place));
         }
         let axis = (0..3).max_by_key(|&axis| end[axis] - first[axis]).unwrap_or(0);
         let (mut middle_end, mut middle_first) = (end, first);
@@ -345,12 +352,12 @@ impl<'a> Regions<'a> {
     }
 }
 
-/// So many particles would have to be held at once.
-fn too_many((particles, at_once): (u64, u64), place: &str) -> Error {
+/// So many particles with so many values each would have to be held at once.
+fn too_many(particles: u64, at_once: u64, columns: usize, place: &str) -> Error {
     Error::Memory {
         what: format!("{particles} particles {place}"),
-        needed_bytes: 2 * particle_bytes(particles, 1),
-        available_bytes: 2 * particle_bytes(at_once, 1),
+        needed_bytes: 2 * particle_bytes(particles, columns),
+        available_bytes: 2 * particle_bytes(at_once, columns),
         hint: "take a shorter longest smoothing length, fewer neighbors or fewer particles".into(),
     }
 }

@@ -199,7 +199,7 @@ impl Survey {
                 let unmarked = next.cells().rows().flatten().filter(|&cell| !marks.0[cell]);
                 held += unmarked.map(|cell| u64::from(self.counts[cell])).sum::<u64>();
                 if held > at_once && some.is_empty() {
-                    return Err(too_many((held, at_once), "among which neighbors are looked for"));
+                    return Err(too_many(held, at_once, 1, "among which neighbors are looked for"));
                 }
                 if held > at_once {
                     open.push(next);
@@ -285,7 +285,7 @@ impl Survey {
             };
             let (some, others) = left.split_at(left.iter().take_while(fits).count());
             if some.is_empty() {
-                return Err(too_many((held, at_once), "at about one place"));
+                return Err(too_many(held, at_once, 1, "at about one place"));
             }
             some.iter().for_each(|(cell, _)| marks.0[*cell] = true);
             let positions = self.gather(source, &marks, progress)?;
