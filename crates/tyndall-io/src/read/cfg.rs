@@ -11,6 +11,7 @@ use tyndall::particles::{Attribute, Values};
 use tyndall::{Columns, DVec3, Error, Positions, Progress, Result};
 
 use super::column::{Column, Separator, Words};
+use super::lines::Lines;
 use super::{Index, Request, Span, finish, molecules, rows};
 use crate::sequence::{Frame, Options};
 
@@ -48,9 +49,11 @@ impl Header {
         let fault = |line: u64, what: String| Error::format(path, format!("line {line}"), what, HINT);
         let (mut count, mut length, mut edges) = (None, 1.0, [[f64::NAN; 3]; 3]);
         let (mut rate, mut has_velocities, mut entries, mut others) = (1.0, true, None, Vec::new());
-        let (mut end, mut number) = (0, 1);
-        for (place, line) in lines(bytes, 0) {
-            (end, number) = (place, number + 1);
+        let mut lines = Lines::new(bytes, 0, 1);
+        let (mut end, mut number);
+        loop {
+            (end, number) = (lines.place, lines.number);
+            let Some(line) = lines.next() else { break };
             let text = String::from_utf8_lossy(line);
             let text = text.split('#').next().unwrap_or_default().trim();
             if text.eq_ignore_ascii_case(".NO_VELOCITY.") {
@@ -66,7 +69,7 @@ impl Header {
                 break;
             };
             let word = value.split_whitespace().next().unwrap_or_default();
-            let wrong = || fault(number - 1, format!("{key}: a number was wanted, found '{word}'"));
+            let wrong = || fault(number, format!("{key}: a number was wanted, found '{word}'"));
             let real =
                 || fast_float2::parse::<f64, _>(word).ok().filter(|it| it.is_finite()).ok_or_else(wrong);
             match key {
@@ -97,7 +100,7 @@ impl Header {
                         let rest = f64::from(u8::from(key.starts_with('T') && row == column));
                         if real()? != rest {
                             return Err(fault(
-                                number - 1,
+                                number,
                                 format!("the cell is turned or strained ({key}), which is not read"),
                             ));
                         }
@@ -107,19 +110,19 @@ impl Header {
         }
         let count = count.ok_or_else(|| fault(1, "there is no Number of particles".into()))?;
         if edges.iter().flatten().any(|it| it.is_nan()) {
-            return Err(fault(number - 1, "the edges H0 of the cell are not all there".into()));
+            return Err(fault(number, "the edges H0 of the cell are not all there".into()));
         }
         let edges = DMat3::from_cols_array_2d(&edges) * length;
         let before = if has_velocities { 6 } else { 3 };
         if let Some(entries) = entries {
             if entries < before {
-                return Err(fault(number - 1, format!("entry_count is {entries}, {before} are needed")));
+                return Err(fault(number, format!("entry_count is {entries}, {before} are needed")));
             }
             let first = others.len();
             others.extend((first..entries - before).map(|it| (format!("auxiliary{it}"), None)));
             others.truncate(entries - before);
         }
-        Ok(Self { count, edges, rate, has_velocities, entries, others, end, line: number - 1 })
+        Ok(Self { count, edges, rate, has_velocities, entries, others, end, line: number })
     }
 
     /// Whether a line is one of an atom, not of a mass or an element.
@@ -128,22 +131,11 @@ impl Header {
     }
 }
 
-/// The lines of `text` from byte `place` on, each with the place of its first byte.
-fn lines(text: &[u8], mut place: usize) -> impl Iterator<Item = (usize, &[u8])> {
-    std::iter::from_fn(move || {
-        let rest = text.get(place..).filter(|it| !it.is_empty())?;
-        let end = memchr::memchr(b'\n', rest).unwrap_or(rest.len());
-        let line = (place, rest[..end].trim_ascii());
-        place += end + 1;
-        Some(line)
-    })
-}
-
 /// Finds the atoms: a file is one frame.
 pub(crate) fn index(path: &Path, bytes: &[u8], _: &Options) -> Result<Index> {
     let header = Header::read(path, bytes)?;
     let (mut count, mut last): (u64, &[u8]) = (0, b"");
-    for (_, line) in lines(bytes, header.end).filter(|(_, line)| header.is_atom(line)) {
+    for line in Lines::new(bytes, header.end, header.line).filter(|line| header.is_atom(line)) {
         count += 1;
         last = line;
     }
@@ -174,12 +166,11 @@ pub(crate) fn frame(
     let (mut batch, mut masses, mut elements) = (Vec::new(), Vec::new(), Words::default());
     let (mut velocities, mut others) = (Vec::new(), vec![Vec::new(); header.others.len()]);
     let (mut mass, mut element): (f32, &[u8]) = (f32::NAN, b"");
-    let (mut number, mut told) = (header.line, header.end);
-    for (place, line) in lines(bytes, header.end) {
-        number += 1;
-        if number.is_multiple_of(LINES) {
-            progress.advance((place - told) as u64);
-            told = place;
+    let (mut lines, mut told) = (Lines::new(bytes, header.end, header.line), header.end);
+    while let Some(line) = lines.next() {
+        if lines.number.is_multiple_of(LINES) {
+            progress.advance((lines.place - told) as u64);
+            told = lines.place;
             if progress.cancelled() {
                 return Err(Error::Interrupted);
             }
@@ -191,7 +182,7 @@ pub(crate) fn frame(
         }
         let fault = |what: &str| {
             let what = format!("wanted {what}, found '{}'", rows::shortened(line));
-            Error::format(path, format!("line {}", number - 1), what, HINT)
+            Error::format(path, format!("line {}", lines.number - 1), what, HINT)
         };
         let mut words = rows::split(line, Separator::BLANKS);
         if !header.is_atom(line) {
@@ -227,7 +218,7 @@ pub(crate) fn frame(
         let what = format!("the file ends after {} of {} particles", masses.len(), header.count);
         return Err(Error::format(
             path,
-            format!("line {number}"),
+            format!("line {}", lines.number),
             what,
             "was it changed or cut while it was read?",
         ));

@@ -33,6 +33,7 @@ mod lammps_binary;
 mod lammps_data;
 mod las;
 mod lattice;
+mod lines;
 mod lzf;
 mod map;
 mod mesh;

@@ -14,6 +14,7 @@ use tyndall::scene::element::Element;
 use tyndall::{Cell, Columns, Error, Positions, Progress, Result};
 
 use super::column::Separator;
+use super::lines::Lines;
 use super::{Index, Request, Span, finish, molecules, rows, whole_lines};
 use crate::sequence::{Frame, Options};
 
@@ -24,53 +25,6 @@ pub(crate) fn recognise(head: &[u8]) -> bool {
     super::is_text(head) && {
         let text: Vec<u8> = whole_lines(head).take(12).flat_map(|line| [line, b"\n"].concat()).collect();
         Head::read(&mut Lines::new(&text, 0, 1)).is_ok_and(|head| head.atoms() > 0 || head.counts.len() > 1)
-    }
-}
-
-/// Lines of a text, from a place on.
-#[derive(Clone)]
-struct Lines<'a> {
-    text: &'a [u8],
-    place: usize,
-    number: u64,
-}
-
-impl<'a> Lines<'a> {
-    fn new(text: &'a [u8], place: usize, number: u64) -> Self {
-        Self { text, place, number }
-    }
-
-    fn rest(&self) -> &'a [u8] {
-        self.text.get(self.place..).unwrap_or_default()
-    }
-
-    /// Passes over `count` lines; gives them, or `None` if there are fewer.
-    fn block(&mut self, count: u64) -> Option<&'a [u8]> {
-        let rest = self.rest();
-        let end = match count {
-            0 => 0,
-            _ => {
-                let last = memchr::memchr_iter(b'\n', rest).nth(usize::try_from(count - 1).ok()?);
-                match last {
-                    Some(end) => end + 1,
-                    None => {
-                        let lines = memchr::memchr_iter(b'\n', rest).count() as u64;
-                        let open = u64::from(!rest.is_empty() && !rest.ends_with(b"\n"));
-                        (lines + open == count).then_some(rest.len())?
-                    }
-                }
-            }
-        };
-        (self.place, self.number) = (self.place + end, self.number + count);
-        Some(&rest[..end])
-    }
-}
-
-impl<'a> Iterator for Lines<'a> {
-    type Item = &'a [u8];
-
-    fn next(&mut self) -> Option<&'a [u8]> {
-        (!self.rest().is_empty()).then(|| self.block(1)).flatten().map(<[u8]>::trim_ascii)
     }
 }
 
