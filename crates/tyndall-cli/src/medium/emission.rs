@@ -1,5 +1,6 @@
 //! What a medium gives off: how the command line says it, which quantity it is of, and what light that makes.
 
+use std::ops::RangeInclusive;
 use std::str::FromStr;
 
 use rayon::prelude::*;
@@ -26,6 +27,14 @@ const FLAG: &str = "--emission";
 const TEMPERATURES: [&str; 5] = ["temperature", "Temperatures", "temp", "T", "heat"];
 /// Share of the mass that is colder than the temperature of luminance 1.
 const REFERENCE_SHARE: f64 = 0.99;
+/// Kelvins of the hottest hundredth of the mass, where looks of fire have to choose.
+const FLAME: f64 = 1700.0;
+/// What share of that temperature has luminance 1 in looks of fire, so that the hottest is overexposed, as flames in pictures are.
+const FLAME_REFERENCE: f64 = 0.88;
+/// What flames are of where there is no temperature.
+const ROOT_OF_DENSITY: &str = "the root of the density";
+/// Kelvins that looks of fire take for temperatures of fire; what lies outside is scaled.
+const OF_FIRE: RangeInclusive<f64> = 1000.0..=6000.0;
 
 /// What is given off.
 #[derive(Clone, Debug, PartialEq)]
@@ -36,6 +45,8 @@ pub(crate) enum EmissionSpec {
     Even([f32; 3]),
     /// Black bodies of the temperature of that name, by default one that is called so, and the temperature of luminance 1.
     BlackBody(Option<String>, Option<f64>),
+    /// Flames, of whatever particles: black bodies of a temperature, if there is one, of any scale; else hotter where matter is denser.
+    Flames,
     /// A quantity, through a color map.
     Quantity(String),
 }
@@ -97,7 +108,9 @@ impl EmissionSpec {
     pub(super) fn want(&self, wanted: &mut Wanted) {
         match self {
             Self::None | Self::Even(_) => {}
-            Self::BlackBody(None, _) => wanted.one_of.push(TEMPERATURES.map(String::from).to_vec()),
+            Self::BlackBody(None, _) | Self::Flames => {
+                wanted.one_of.push(TEMPERATURES.map(String::from).to_vec())
+            }
             Self::BlackBody(Some(name), _) | Self::Quantity(name) => wanted.quantities.push(name.clone()),
         }
     }
@@ -125,9 +138,12 @@ impl EmissionSpec {
         let (name, is_temperature) = match self {
             Self::None | Self::Even(_) => return Ok(None),
             Self::BlackBody(Some(name), _) => (name.as_str(), true),
-            Self::BlackBody(None, _) => {
+            Self::BlackBody(None, _) | Self::Flames => {
                 let known = TEMPERATURES.iter().find(|&&name| particles.attribute(name).is_some());
-                (*known.unwrap_or(&TEMPERATURES[0]), true)
+                match (known, self) {
+                    (None, Self::Flames) => return Ok(None),
+                    (known, _) => (*known.unwrap_or(&TEMPERATURES[0]), true),
+                }
             }
             Self::Quantity(name) => (name.as_str(), false),
         };
@@ -149,9 +165,15 @@ impl EmissionSpec {
     pub(super) fn grid(&self) -> Option<&str> {
         match self {
             Self::None | Self::Even(_) => None,
+            Self::Flames => Some(TEMPERATURES[0]),
             Self::BlackBody(name, _) => Some(name.as_deref().unwrap_or(TEMPERATURES[0])),
             Self::Quantity(name) => Some(name),
         }
+    }
+
+    /// What it is of where neither particles nor grids have the quantity that it wants.
+    pub(super) fn of_density(&self) -> Option<Values> {
+        (*self == Self::Flames).then_some(Values::Density)
     }
 }
 
@@ -173,6 +195,8 @@ pub(super) enum Values {
     Means(Field),
     /// Of a file: a grid of its own.
     Own(Grid),
+    /// The root of the density itself.
+    Density,
 }
 
 impl Values {
@@ -182,6 +206,7 @@ impl Values {
         match self {
             Self::Means(field) => f64::from(field.product.value(i, j, k)) / f64::from(density.value(i, j, k)),
             Self::Own(grid) => f64::from(grid.density(density.lattice().position(sample))),
+            Self::Density => f64::from(density.value(i, j, k)).sqrt(),
         }
     }
 
@@ -213,7 +238,8 @@ fn samples(lattice: Lattice, brick: [u32; 3]) -> impl Iterator<Item = [u32; 3]> 
 #[derive(Clone)]
 pub(super) enum Source {
     Even([f32; 3]),
-    BlackBody(BlackBody),
+    /// Of numbers times a factor.
+    BlackBody(BlackBody, f64),
     Map(Box<Scale>),
 }
 
@@ -225,8 +251,12 @@ impl Source {
         density: &Grid,
         values: Option<&Values>,
     ) -> Outcome<Option<(Self, String)>> {
+        let name = match values {
+            Some(Values::Density) => ROOT_OF_DENSITY,
+            _ => spec.grid().unwrap_or_default(),
+        };
         let weighted = values.map(|values| values.weighted(density));
-        Self::of_numbers(args, spec, spec.grid().unwrap_or_default(), weighted)
+        Self::of_numbers(args, spec, name, weighted)
     }
 
     /// The same of numbers with their weights, which are those of `name`.
@@ -244,28 +274,42 @@ impl Source {
                 _ => None,
             });
         };
-        if let EmissionSpec::BlackBody(_, reference) = spec {
-            let (kelvins, how) = match reference {
-                Some(kelvins) => (*kelvins, "given"),
-                None => (quantile(&mut weighted), "99 % of the mass is colder"),
-            };
-            let body = BlackBody::new(kelvins).map_err(|_| {
-                let value = format!("{} K at most", short(kelvins));
-                let hint = "temperatures of 500 K and more glow: are these kelvins? (--emission blackbody:NAME@KELVINS, or \"blackbody:1000*NAME\")";
-                Error::setting(format!("{FLAG} blackbody:{name}"), value, hint)
-            })?;
-            let text = format!("black body of {name}: {} K has luminance 1 ({how})", short(kelvins));
-            return Ok(Some((Self::BlackBody(body), text)));
+        if matches!(spec, EmissionSpec::BlackBody(..) | EmissionSpec::Flames) {
+            return Self::black_body(spec, name, &mut weighted).map(Some);
         }
         let numbers: Vec<f64> = weighted.iter().map(|(value, _)| *value).collect();
         let (scale, text) = Scale::of_numbers(name, &numbers, &args.look.mapping())?;
         Ok(Some((Self::Map(Box::new(scale)), format!("emission {text}"))))
     }
 
+    /// Black bodies of numbers with their weights, and how they are told.
+    fn black_body(spec: &EmissionSpec, name: &str, weighted: &mut [(f64, f64)]) -> Outcome<(Self, String)> {
+        let (factor, reference, how) = match spec {
+            EmissionSpec::BlackBody(_, Some(kelvins)) => (1.0, *kelvins, "given".to_string()),
+            EmissionSpec::Flames => {
+                let found = quantile(weighted);
+                let is_scaled = found > 0.0 && (name == ROOT_OF_DENSITY || !OF_FIRE.contains(&found));
+                let factor = if is_scaled { FLAME / found } else { 1.0 };
+                let hottest = factor * found;
+                let how = format!("99 % of the mass is colder than {} K", short(hottest));
+                (factor, FLAME_REFERENCE * hottest, how)
+            }
+            _ => (1.0, quantile(weighted), "99 % of the mass is colder".to_string()),
+        };
+        let times = if factor == 1.0 { String::new() } else { format!(" times {}", short(factor)) };
+        let kelvins = short(reference);
+        let body = BlackBody::new(reference).map_err(|_| {
+            let hint = "temperatures of 500 K and more glow: are these kelvins? (--emission blackbody:NAME@KELVINS, or \"blackbody:1000*NAME\")";
+            Error::setting(format!("{FLAG} blackbody:{name}"), format!("{kelvins} K at most"), hint)
+        })?;
+        let text = format!("black body of {name}{times}: {kelvins} K has luminance 1 ({how})");
+        Ok((Self::BlackBody(body, factor), text))
+    }
+
     /// The radiance where the quantity has a value.
     fn radiance(&self, value: f64) -> [f32; 3] {
         match self {
-            Self::BlackBody(body) => body.radiance(value),
+            Self::BlackBody(body, factor) => body.radiance(factor * value),
             Self::Map(scale) => scale.color(value),
             Self::Even(radiance) => *radiance,
         }
@@ -342,5 +386,35 @@ mod tests {
         let mut weighted = [(3.0, 97.0), (9.0, 0.5), (5.0, 2.5)];
         assert_eq!(quantile(&mut weighted), 5.0);
         assert_eq!(quantile(&mut []), 0.0);
+    }
+
+    #[test]
+    fn flames_are_as_hot_as_fire_on_any_scale() {
+        let told = |spec: &EmissionSpec, name: &str, kelvins: f64| {
+            Source::black_body(spec, name, &mut [(0.5 * kelvins, 98.0), (kelvins, 2.0)]).map(
+                |(source, text)| {
+                    let luminance = |it: f64| {
+                        let [r, g, b] = source.radiance(it * kelvins);
+                        0.2126 * r + 0.7152 * g + 0.0722 * b
+                    };
+                    assert!(
+                        (luminance(if *spec == EmissionSpec::Flames { FLAME_REFERENCE } else { 1.0 }) - 1.0)
+                            .abs()
+                            < 0.01
+                    );
+                    text
+                },
+            )
+        };
+        let flames = &EmissionSpec::Flames;
+        let text = told(flames, "temperature", 0.85).unwrap();
+        assert_eq!(
+            text,
+            "black body of temperature times 2000: 1496 K has luminance 1 (99 % of the mass is colder than 1700 K)"
+        );
+        assert!(told(flames, "temperature", 2000.0).unwrap().contains("temperature: 1760 K"));
+        assert!(told(flames, ROOT_OF_DENSITY, 2000.0).unwrap().contains("density times 0.85: 1496 K"));
+        assert!(told(&EmissionSpec::BlackBody(None, None), "T", 0.85).is_err());
+        assert!(told(flames, "temperature", 0.0).is_err());
     }
 }

@@ -100,6 +100,7 @@ impl Job<'_> {
                     let mut guesses = self.described(count, &density);
                     guesses.extend(share);
                     let values = density.fields.pop().map(Values::Means);
+                    let values = values.or_else(|| self.emission_spec().of_density());
                     let bodies = self.bodies(number, particles.positions().origin(), kept.as_ref())?;
                     let length = density.length;
                     let content = Content { particles: Some(&particles), length, bodies: bodies.as_ref() };
@@ -205,8 +206,11 @@ impl Job<'_> {
             let (path, density) = load(own, None);
             let Described { grid, conventions } = density?;
             let spec = self.emission_spec();
-            let values = spec.grid().map(|array| load(own, Some(array)).1).transpose()?;
-            let values = values.map(|it| Values::Own(it.grid));
+            let values = spec.grid().map(|array| load(own, Some(array)).1.map(|it| Values::Own(it.grid)));
+            let values = match (values, spec.of_density()) {
+                (Some(Err(_)), Some(values)) => Some(values),
+                (values, _) => values.transpose()?,
+            };
             let bodies = self.bodies(number, DVec3::ZERO, kept.as_ref())?;
             let content = Content { particles: None, length: None, bodies: bodies.as_ref() };
             let (medium, scene) = self.scene((grid, values), content, kept.as_ref())?;

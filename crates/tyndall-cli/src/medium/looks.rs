@@ -31,15 +31,15 @@ pub(crate) fn of(look: LightLook) -> Option<MediumLook> {
         emission: EmissionSpec::None,
         noise: (noise > 0.0).then_some(NoiseAmount { amplitude: noise, octaves: 4 }),
     };
-    let black_body = EmissionSpec::BlackBody(None, None);
+    let flames = EmissionSpec::Flames;
     Some(match look {
         LightLook::Smoke => plain("smoke", [0.8, 0.8, 0.82], 0.3, 5.0, 0.4),
         LightLook::Cloud => plain("cloud", [0.999; 3], 0.6, 20.0, 0.5),
         LightLook::Steam => plain("steam", [0.99; 3], 0.5, 2.5, 0.5),
         LightLook::Dust => plain("dust", [0.93, 0.85, 0.7], 0.4, 4.0, 0.3),
-        LightLook::Fire => MediumLook { emission: black_body, ..plain("fire", [0.2; 3], 0.0, 2.0, 0.4) },
+        LightLook::Fire => MediumLook { emission: flames, ..plain("fire", [0.2; 3], 0.0, 2.0, 0.4) },
         LightLook::Explosion => {
-            MediumLook { emission: black_body, ..plain("explosion", [0.5, 0.48, 0.45], 0.3, 12.0, 0.5) }
+            MediumLook { emission: flames, ..plain("explosion", [0.5, 0.48, 0.45], 0.3, 12.0, 0.5) }
         }
         LightLook::Nebula => MediumLook {
             emission: EmissionSpec::Even([0.9, 0.25, 0.35]),

@@ -331,7 +331,11 @@ fn looks_are_defaults_by_name() {
     let said =
         folder.render(&format!("{smoke} --look fire --albedo 0.9 --g 0.5 --emission none -o b.png")).fine();
     assert!(said.contains("albedo 0.9, g 0.5") && !said.contains("black body"), "{said}");
-    folder.render("synthetic:packed?n=9 --look fire -o a.png").fails(2, &["no attribute 'temperature'"]);
+    let said = folder.render("synthetic:packed?n=900 --grid 16 --look fire --samples 1 -o c.png").fine();
+    assert!(said.contains("black body of the root of the density times "), "{said}");
+    folder
+        .render("synthetic:packed?n=9 --look fire --emission blackbody -o a.png")
+        .fails(2, &["no attribute 'temperature'"]);
     folder
         .render("synthetic:packed?n=9 --mode medium --look metal -o a.png")
         .fails(2, &["for spheres", "dust, smoke"]);
@@ -368,6 +372,12 @@ fn a_grid_glows_by_a_temperature_beside_it() {
     let ratio = brightness(&folder, "grid.png") / brightness(&folder, "particles.png");
     assert!((0.8..1.25).contains(&ratio), "{ratio}");
     folder.render("a.vdb --emission blackbody:heat -o a.png").fails(2, &["heat"]);
+
+    let said = folder.render("a.vdb --look fire -o fire.png").fine();
+    assert!(said.contains("black body of temperature"), "{said}");
+    folder.line("convert synthetic:smoke?n=3000 -o b.vdb --grid 16 --fields density").fine();
+    let said = folder.render("b.vdb --look fire -o fire.png").fine();
+    assert!(said.contains("black body of the root of the density"), "{said}");
 }
 
 const SCENE: &str = "
