@@ -9,6 +9,8 @@ pub trait Progress: Sync {
     fn advance(&self, amount: u64);
     /// Whether the work should end with [`crate::Error::Interrupted`] as soon as it can.
     fn cancelled(&self) -> bool;
+    /// `bytes`, from which the work reads, are not looked at again: who keeps them in memory may give them up. Nothing unless said otherwise.
+    fn let_go(&self, _bytes: &[u8]) {}
 }
 
 /// Nobody listens, nobody stops.

@@ -11,6 +11,7 @@ use memchr::{memchr, memchr_iter, memrchr};
 use rayon::prelude::*;
 use tyndall::{Error, Progress, Result};
 
+use super::map::{Map, RELEASE_BYTES};
 use super::unpack::Stream;
 
 /// The longest line that is taken for text.
@@ -32,6 +33,9 @@ const TOLD_STEP: u64 = 8 << 20;
 pub(crate) struct Feed<'a> {
     path: PathBuf,
     mapped: &'a [u8],
+    /// The map that these are, and up to where its pages were given back.
+    map: Option<&'a Map>,
+    given_back: usize,
     stream: Option<Stream>,
     buffer: Vec<u8>,
     ahead: Vec<u8>,
@@ -71,6 +75,8 @@ impl<'a> Feed<'a> {
         Self {
             path: path.to_path_buf(),
             mapped,
+            map: None,
+            given_back: 0,
             stream: None,
             buffer: Vec::new(),
             ahead: Vec::new(),
@@ -83,6 +89,11 @@ impl<'a> Feed<'a> {
             kept: None,
             listener: None,
         }
+    }
+
+    /// Over a map, the pages of which are given back behind what is read.
+    pub(crate) fn over_map(path: &Path, map: &'a Map) -> Self {
+        Self { map: Some(map), ..Self::over(path, map) }
     }
 
     /// Over what `stream` gives.
@@ -150,6 +161,12 @@ impl<'a> Feed<'a> {
         self.start += bytes;
         self.offset += bytes as u64;
         self.line += lines;
+        if let Some(map) = self.map
+            && self.start - self.given_back >= RELEASE_BYTES as usize
+        {
+            map.release(self.given_back..self.start);
+            self.given_back = self.start;
+        }
     }
 
     /// Tells who listens how far the file is read, if that is much further than when it was told last.
@@ -277,6 +294,8 @@ impl<'a> Feed<'a> {
             if step == 0 {
                 break;
             }
+            // Nothing of what lies between was looked at.
+            self.given_back = self.start + step as usize;
             self.advance(step as usize, 0);
         }
         self.line = line;
@@ -434,6 +453,30 @@ mod tests {
         for mut feed in feeds(b"0123456789\nabcdefghij\n") {
             assert_eq!(feed.block(2, 9, |block| Ok(block.bytes.len())).unwrap(), Some(11));
         }
+    }
+
+    #[test]
+    fn pages_of_a_map_are_given_back_once_and_up_to_the_last_few() {
+        let path = std::env::temp_dir().join(format!("tyndall-feed-{}", std::process::id()));
+        let line = [b'7'; 1023];
+        let lines = 3 * RELEASE_BYTES / 1024 + 1;
+        std::fs::write(&path, [&line[..], b"\n"].concat().repeat(lines as usize)).unwrap();
+        let map = crate::read::map(&path).unwrap();
+        let mut feed = Feed::over_map(&path, &map);
+        feed.skip_to(1024, 2, &()).unwrap();
+        assert_eq!(feed.given_back, 1024);
+        let (mut given, mut times) = (feed.given_back, 0);
+        while feed
+            .block(1 << 20, u64::MAX, |block| Ok(assert!(block.bytes.starts_with(b"77"))))
+            .unwrap()
+            .is_some()
+        {
+            times += u64::from(feed.given_back > given);
+            given = feed.given_back;
+            assert!(given <= feed.start && feed.start - given < RELEASE_BYTES as usize);
+        }
+        assert_eq!((times, feed.line_number(), feed.offset()), (3, lines + 1, 1024 * lines));
+        std::fs::remove_file(&path).unwrap();
     }
 
     #[test]

@@ -56,6 +56,20 @@ impl Source<'_> {
         self.start.checked_add(last)?.checked_add(self.kind.size())
     }
 
+    /// Tells `progress` that the bytes of particles `first..first + rows` are read.
+    pub(super) fn let_go(&self, first: usize, rows: usize, components: usize, progress: &dyn Progress) {
+        // Components lie in their row, or each in an array of its own.
+        let are_apart = self.step > self.stride;
+        let (arrays, within) = if are_apart { (components, 1) } else { (1, components) };
+        for array in 0..arrays {
+            let start = self.start + first * self.stride + array * self.step;
+            let length = rows.saturating_sub(1) * self.stride + (within - 1) * self.step + self.kind.size();
+            if let Some(bytes) = self.bytes.get(start..start + length) {
+                progress.let_go(bytes);
+            }
+        }
+    }
+
     fn fill<T: Number, O>(&self, out: &mut [O], first: usize, components: usize, convert: impl Fn(T) -> O) {
         match self.order {
             Order::Little => self.fill_in_order::<T, O, false>(out, first, components, convert),
@@ -169,6 +183,14 @@ impl Layout<'_> {
         Ok(())
     }
 
+    /// The bytes of particles `start..start + rows` are read.
+    fn let_go(&self, start: usize, rows: usize, progress: &dyn Progress) {
+        let axes = self.axes.iter().flatten().map(|source| (source, 1));
+        for (source, components) in axes.chain(self.fields.iter().map(|it| (&it.source, it.components))) {
+            source.let_go(start, rows, components, progress);
+        }
+    }
+
     /// Brings all values into columns, parallel, and advances `progress` by `total_bytes` over it.
     pub(crate) fn gather(&self, path: &Path, total_bytes: usize, progress: &dyn Progress) -> Result<Builder> {
         join(path, std::slice::from_ref(self), total_bytes, progress)
@@ -247,6 +269,7 @@ fn join_around(
         for first in (0..rows).step_by(CACHE_ROWS) {
             piece.fill(&mut slots, start, first..rows.min(first + CACHE_ROWS));
         }
+        piece.let_go(start, rows, progress);
         progress.advance(share(before + rows) - share(before));
         Ok(())
     })?;

@@ -174,6 +174,12 @@ pub(crate) fn gather(
                 }
             }
         }
+        section.axes.iter().for_each(|source| source.let_go(start, rows, 1, progress));
+        for (value, column) in section.values.iter().zip(columns) {
+            if let Value::Each(source) = value {
+                source.let_go(start, rows, column.components, progress);
+            }
+        }
         progress.advance((rows as u128 * u128::from(total_bytes) / count as u128) as u64);
         Ok(())
     })?;

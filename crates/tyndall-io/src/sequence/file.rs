@@ -62,14 +62,13 @@ impl FileSource {
             }
             Open::Text { .. } if let Some(index) = kept.as_ref().and_then(frame_index::Place::load) => index,
             Open::Text { index, .. } => {
-                let (map, released);
+                let map;
                 let mut doubt = None;
                 let mut feed = match packing {
                     Packing::Plain => {
                         map = read::map(path)?;
-                        released = map.released(progress);
                         doubt = read::open_end(&map);
-                        Feed::over(path, &map).told_to(&released)
+                        Feed::over_map(path, &map).told_to(progress)
                     }
                     _ if keep => {
                         let most = SMALL_BYTES.min(SMALL_GROWTH * file_bytes(path));
@@ -149,8 +148,8 @@ impl FileSource {
             read_at(&mut Feed::over(&self.path, &content), Some(content.len() as u64), progress)
         } else if self.packing == Packing::Plain {
             let map = read::map(&self.path)?;
-            let mut feed = Feed::over(&self.path, &map);
-            read_at(&mut feed, Some(map.len() as u64), &map.released(progress))
+            let mut feed = Feed::over_map(&self.path, &map);
+            read_at(&mut feed, Some(map.len() as u64), progress)
         } else {
             let mut feed = self.resumed(span.offset)?;
             let frame = read_at(&mut feed, None, progress)?;
