@@ -6,7 +6,6 @@
 
 use std::path::Path;
 
-use tyndall::particles::{Attribute, Values};
 use tyndall::{DVec3, Error, Progress, Result};
 
 use super::netcdf::{Directory, Variable, recognise as is_netcdf};
@@ -97,7 +96,7 @@ pub(crate) fn frame(
     for (attribute, variable) in columns.attributes.iter_mut().zip(&variables) {
         attribute.unit = variable.text("units").map(str::to_string);
         if let Some(factor) = factor(variable) {
-            scale(attribute, factor);
+            records::scale(attribute, factor, 0.0);
         }
     }
     let unit = variable.text("units");
@@ -165,18 +164,10 @@ fn field<'a>(
     there.then(|| Field { name: name.to_string(), components, source })
 }
 
-fn scale(attribute: &mut Attribute, factor: f64) {
-    match &mut attribute.values {
-        Values::F32(values) => values.iter_mut().for_each(|it| *it = (f64::from(*it) * factor) as f32),
-        Values::F64(values) => values.iter_mut().for_each(|it| *it *= factor),
-        values => {
-            *values = Values::F64((0..values.len()).map(|place| factor * values.number(place)).collect())
-        }
-    }
-}
-
 #[cfg(test)]
 mod tests {
+    use tyndall::particles::Values;
+
     use super::*;
     use crate::read::real_data;
 

@@ -299,6 +299,20 @@ pub(crate) fn positions(
     Positions::from_offsets(origin, offsets)
 }
 
+/// Multiplies the values of an attribute by `factor`, then adds `offset`, in double precision. Integers become floats.
+pub(crate) fn scale(attribute: &mut Attribute, factor: f64, offset: f64) {
+    match &mut attribute.values {
+        Values::F32(values) => {
+            values.iter_mut().for_each(|it| *it = (f64::from(*it) * factor + offset) as f32);
+        }
+        Values::F64(values) => values.iter_mut().for_each(|it| *it = *it * factor + offset),
+        values => {
+            let scaled = |place: usize| factor * values.number(place) + offset;
+            *values = Values::F64((0..values.len()).map(scaled).collect());
+        }
+    }
+}
+
 /// The columns while they are filled.
 #[derive(Debug)]
 pub(crate) struct Builder {

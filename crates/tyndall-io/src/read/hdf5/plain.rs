@@ -2,12 +2,13 @@
 //!
 //! The positions are the data set that the caller names, else the one that is called like positions, else the only one of two or
 //! three columns. H5Part keeps its frames in groups `Step#0`, `Step#1`, …: then each of these is a frame. Positions in three dimensions
-//! are those of frames, as MDTraj and AMBER (NetCDF-4) keep them, with cells as lengths and angles.
+//! are those of frames, as MDTraj and AMBER (NetCDF-4) keep them, with cells as lengths and angles. Values are multiplied by the attribute
+//! `scale_factor` of their data set and moved by its `add_offset`, as NetCDF's conventions say (AMBER's velocities have 20.455).
 
 use std::collections::HashSet;
 use std::ops::Range;
 
-use tyndall::{Cell, Error, Progress, Result};
+use tyndall::{Cell, DVec3, Error, Positions, Progress, Result};
 
 use super::columns::{self, Input, Run, Term};
 use super::tree::{Data, Group, Tree};
@@ -223,6 +224,21 @@ fn unit(data: &Data) -> Option<String> {
     words.find(|it| !it.is_empty())
 }
 
+/// What values are multiplied by, and what is added then, where a data set tells either.
+fn scaling(data: &Data) -> Option<(f64, f64)> {
+    let attributes = data.attributes();
+    let number = |name: &str| attributes.number(name).filter(|it| it.is_finite());
+    let found = (number("scale_factor").unwrap_or(1.0), number("add_offset").unwrap_or(0.0));
+    (found != (1.0, 0.0)).then_some(found)
+}
+
+/// The same positions, scaled.
+fn scaled(positions: &Positions, (factor, offset): (f64, f64)) -> Positions {
+    let column = |values: &[f32]| values.iter().map(|it| (factor * f64::from(*it)) as f32).collect();
+    let origin = factor * positions.origin() + DVec3::splat(offset);
+    Positions::from_offsets(origin, positions.offsets().map(column))
+}
+
 /// The cell of a frame whose edges and angles, in degrees, stand beside the positions.
 fn cell(group: &Group, frame: usize) -> Result<Option<Cell>> {
     let three = |name: &str| -> Result<Option<[f64; 3]>> {
@@ -231,8 +247,9 @@ fn cell(group: &Group, frame: usize) -> Result<Option<Cell>> {
             return Ok(None);
         };
         let lead = if data.shape().len() == 2 { vec![frame as u64] } else { Vec::new() };
+        let (factor, offset) = scaling(&data).unwrap_or((1.0, 0.0));
         let numbers = data.rows(&lead)?.numbers()?;
-        Ok(numbers.first_chunk().copied())
+        Ok(numbers.first_chunk().map(|it: &[f64; 3]| it.map(|it| factor * it + offset)))
     };
     let lengths = three("cell_lengths")?;
     Ok(lengths
@@ -250,11 +267,11 @@ pub(super) fn frame(tree: &Tree, number: usize, options: &Options, progress: &dy
     let dataset = |name: &str| -> Result<Data> {
         group.dataset(name)?.ok_or_else(|| tree.fault(name, "it is gone", "was the file changed?"))
     };
-    let mut length_unit = None;
+    let (mut length_unit, mut scale) = (None, None);
     let (names, positions, count, frames) = match &place {
         Place::Rows(_, name) | Place::Frames(_, name) => {
             let data = dataset(name)?;
-            length_unit = unit(&data);
+            (length_unit, scale) = (unit(&data), scaling(&data));
             let is_series = matches!(place, Place::Frames(..));
             let frames = is_series.then(|| data.shape()[0]);
             let lead = if is_series { vec![number as u64] } else { Vec::new() };
@@ -281,6 +298,14 @@ pub(super) fn frame(tree: &Tree, number: usize, options: &Options, progress: &dy
     let (columns, values) = (sections::flagged(columns, &flags), sections::flagged(values, &flags));
     let run = Run { count, positions, values };
     let mut gathered = columns::gather(tree, &columns, &[run], None, tree.bytes(), progress)?;
+    if let Some(scale) = scale {
+        gathered.positions = scaled(&gathered.positions, scale);
+    }
+    for attribute in &mut gathered.attributes {
+        if let Some((factor, offset)) = group.dataset(&attribute.name)?.and_then(|data| scaling(&data)) {
+            records::scale(attribute, factor, offset);
+        }
+    }
     gathered.time = group.attributes()?.number("TimeValue").or(group.attributes()?.number("time"));
     gathered.length_unit = length_unit.map(|it| match it.to_ascii_lowercase().as_str() {
         "angstrom" | "angstroms" => "Å".to_string(),
@@ -293,11 +318,15 @@ pub(super) fn frame(tree: &Tree, number: usize, options: &Options, progress: &dy
         if let Some(times) = times {
             gathered.time_unit =
                 unit(&times).map(|it| if it.starts_with("picosecond") { "ps".into() } else { it });
-            gathered.time = times.rows(&[])?.numbers()?.get(number).copied();
+            let (factor, offset) = scaling(&times).unwrap_or((1.0, 0.0));
+            gathered.time = times.rows(&[])?.numbers()?.get(number).map(|it| factor * it + offset);
         }
         gathered.cell = cell;
     }
-    let conventions = vec![format!("positions: data set {}", place.path())];
+    let mut conventions = vec![format!("positions: data set {}", place.path())];
+    if let Some((factor, _)) = scale {
+        conventions.push(format!("coordinates are scaled by {factor}, their scale_factor"));
+    }
     if !left_out.is_empty() {
         warnings.push(format!("left out: {} (no {count} rows of numbers)", left_out.join(", ")));
     }

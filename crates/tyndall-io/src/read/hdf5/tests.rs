@@ -331,6 +331,22 @@ fn steps_of_vtkhdf_are_frames() {
 }
 
 #[test]
+fn values_are_multiplied_by_their_scale_factor() {
+    let frame = open("scaled.nc").frame(1, &()).unwrap();
+    let particles = &frame.particles;
+    assert_eq!((at(particles, 0), at(particles, 3)), ([56.0, 56.5, 57.0], [60.5, 61.0, 61.5]));
+    let factor = f64::from(20.455f32);
+    for (found, number) in numbers(particles, "velocities").into_iter().zip(12..24) {
+        assert_eq!(found as f32, (factor * f64::from(number)) as f32);
+    }
+    assert_eq!(numbers(particles, "charge"), [0.0, 0.25, 1.5, 3.0]);
+    assert_eq!((particles.time(), particles.length_unit()), (Some(6.0), Some("Å")));
+    let cell = particles.cell().unwrap();
+    assert_eq!([cell.vectors[0].x, cell.vectors[1].y, cell.vectors[2].z], [2.0, 3.0, 4.0]);
+    assert_eq!(frame.conventions[1], "coordinates are scaled by 0.5, their scale_factor");
+}
+
+#[test]
 fn positions_in_three_dimensions_are_frames() {
     let sequence = open("frames.h5");
     assert_eq!(sequence.len(), 2);

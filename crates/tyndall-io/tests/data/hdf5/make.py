@@ -315,6 +315,24 @@ def frames():
         file["mass"] = np.arange(4.0)
 
 
+def scaled():
+    """AMBER's NetCDF-4, in which values are multiplied by scale_factor."""
+    with h5py.File("scaled.nc", "w") as file:
+        file.attrs["Conventions"] = ascii_text("AMBER")
+        def variable(name, values, factor, unit):
+            file[name] = values
+            file[name].attrs["units"] = ascii_text(unit)
+            if factor is not None:
+                file[name].attrs["scale_factor"] = factor
+        variable("coordinates", 100 + np.arange(24, dtype="f4").reshape(2, 4, 3), 0.5, "angstrom")
+        variable("velocities", np.arange(24, dtype="f4").reshape(2, 4, 3), np.float32(20.455), "angstrom/picosecond")
+        variable("time", np.array([1.0, 3.0]), np.array([2.0]), "picosecond")
+        variable("cell_lengths", np.array([[20.0, 30.0, 40.0]] * 2), 0.1, "angstrom")
+        variable("cell_angles", np.full((2, 3), 90.0), None, "degree")
+        variable("charge", np.array([-4, -3, 2, 8], dtype="i2"), 0.25, "e")
+        file["charge"].attrs["add_offset"] = 1.0
+
+
 swift("swift.hdf5", None)
 swift("swift_latest.hdf5", "latest")
 for number in [0, 1]:
@@ -331,3 +349,4 @@ plain()
 forms()
 vtkhdf()
 frames()
+scaled()
