@@ -11,7 +11,7 @@ use tyndall::{Cell, Columns, DVec3, Error, Particles, Progress, Result};
 
 use super::column::{Kind, Separator};
 use super::feed::Feed;
-use super::rows::{self, Expected, Heading, Layout, Role};
+use super::rows::{self, Expected, Heading, Layout, Role, Scaled};
 use super::{Index, Request, Span, finish};
 use crate::sequence::Frame;
 
@@ -303,7 +303,7 @@ fn layout(
         separator: Separator::BLANKS,
         roles,
         headings,
-        scaled: cell.filter(|(_, scaled)| *scaled).map(|(cell, _)| cell),
+        scaled: cell.filter(|(_, scaled)| *scaled).map(|(cell, _)| Scaled::Fractions(cell)),
         gaps: false,
         origin: cell.map(|(cell, _)| cell.center()).filter(|center| center.is_finite()),
     };

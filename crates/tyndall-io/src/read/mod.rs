@@ -28,6 +28,7 @@ mod gsd;
 mod guard;
 #[cfg(feature = "hdf5")]
 mod hdf5;
+mod imd;
 mod lammps;
 mod lammps_binary;
 mod lammps_data;
@@ -53,6 +54,7 @@ mod poscar;
 mod prt;
 mod ptc;
 mod pts;
+mod ptx;
 #[cfg(test)]
 pub(crate) mod real_data;
 mod records;
@@ -304,6 +306,20 @@ pub(crate) const FORMATS: &[Format] = &[
         recognise: |head, _| cfg::recognise(head),
         features: &[],
         open: Open::Binary { index: cfg::index, frame: cfg::frame },
+    },
+    Format {
+        names: &["imd"],
+        title: "IMD",
+        recognise: |head, _| imd::recognise(head),
+        features: &[],
+        open: Open::Text { index: imd::index, frame: imd::frame },
+    },
+    Format {
+        names: &["ptx"],
+        title: "PTX",
+        recognise: |head, _| ptx::recognise(head),
+        features: &[],
+        open: Open::Text { index: ptx::index, frame: ptx::frame },
     },
     Format {
         names: &["xyz", "extxyz"],

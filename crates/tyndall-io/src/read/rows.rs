@@ -55,6 +55,29 @@ impl Heading {
     }
 }
 
+/// What the coordinates of a row are, where they are no places.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Scaled {
+    /// Fractions of a cell's edges.
+    Fractions(Cell),
+    /// In the coordinates of a scanner, the axes and the zero of which lie there; a point at zero has no place.
+    Scanner([DVec3; 3], DVec3),
+}
+
+impl Scaled {
+    /// The place that these coordinates mean.
+    #[inline(always)]
+    fn place(&self, coordinates: [f64; 3]) -> [f64; 3] {
+        let ([a, b, c], origin) = match self {
+            Self::Fractions(cell) => (cell.vectors, cell.origin),
+            Self::Scanner(..) if coordinates == [0.0; 3] => return [f64::NAN; 3],
+            Self::Scanner(axes, place) => (*axes, *place),
+        };
+        let [x, y, z] = coordinates;
+        (origin + x * a + y * b + z * c).to_array()
+    }
+}
+
 /// How a row is to be understood.
 #[derive(Clone, Debug)]
 pub(crate) struct Layout {
@@ -64,8 +87,8 @@ pub(crate) struct Layout {
     pub(crate) roles: Vec<Role>,
     /// The attributes.
     pub(crate) headings: Vec<Heading>,
-    /// The cell whose edges the coordinates are fractions of.
-    pub(crate) scaled: Option<Cell>,
+    /// How coordinates become places, if they are none.
+    pub(crate) scaled: Option<Scaled>,
     /// Whether empty lines and lines that begin with `#` may stand between rows, and comments that do behind them.
     pub(crate) gaps: bool,
     /// Where the file's middle is, if that is known.

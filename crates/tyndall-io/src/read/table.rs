@@ -313,23 +313,7 @@ pub(crate) fn frame(feed: &mut Feed, request: &Request, progress: &dyn Progress)
         Layout { separator: shape.separator, roles, headings, scaled: None, gaps: true, origin: None };
     layout.keep(request.options.wanted.as_ref());
     let rows = rows::read(feed, &layout, None, request.bytes, progress)?;
-    let mut warnings = Vec::new();
-    if feed.cut() {
-        let name = path.file_name().unwrap_or(path.as_os_str()).to_string_lossy();
-        let what = format!(
-            "{name} ends inside its compressed data — {} whole rows read (use --strict to fail)",
-            rows.positions.len()
-        );
-        if request.options.strict {
-            return Err(Error::format(
-                &path,
-                "",
-                "the file ends inside its compressed data",
-                "copy it again, or read what is whole without --strict",
-            ));
-        }
-        warnings.push(what);
-    }
+    let warnings = cut(feed, rows.positions.len(), request)?.into_iter().collect();
     let columns = Columns {
         positions: rows.positions,
         attributes: rows.attributes,
@@ -337,6 +321,26 @@ pub(crate) fn frame(feed: &mut Feed, request: &Request, progress: &dyn Progress)
         ..Columns::default()
     };
     finish(columns, conventions, warnings)
+}
+
+/// What is said of a file without a count whose compressed data end early, after so many rows; an error if that is wanted.
+pub(super) fn cut(feed: &Feed, rows: usize, request: &Request) -> Result<Option<String>> {
+    if !feed.cut() {
+        return Ok(None);
+    }
+    let path = feed.path();
+    if request.options.strict {
+        return Err(Error::format(
+            path,
+            "",
+            "the file ends inside its compressed data",
+            "copy it again, or read what is whole without --strict",
+        ));
+    }
+    let name = path.file_name().unwrap_or(path.as_os_str()).to_string_lossy();
+    Ok(Some(format!(
+        "{name} ends inside its compressed data — {rows} whole rows read (use --strict to fail)"
+    )))
 }
 
 /// The names of columns that have none.

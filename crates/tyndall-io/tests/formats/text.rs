@@ -481,6 +481,8 @@ fn a_mark_of_utf8_in_front_of_a_text_is_no_part_of_it() {
         "cloud.pts",
         "vasp.poscar",
         "atomeye.cfg",
+        "atoms.imd",
+        "scanner.ptx",
     ] {
         let path = fixture("samples").join(name);
         let (plain, wanted) = (std::fs::read(&path).unwrap(), frame(&open(&path), 0).particles);

@@ -92,6 +92,8 @@ fn of_every_format_an_attribute_alone_is_as_among_all() {
         "arrays.npz",
         "lammps.dump",
         "extended.xyz",
+        "atoms.imd",
+        "scanner.ptx",
     ];
     if cfg!(feature = "parquet") {
         lean.extend(["groups_snappy.parquet", "feather_lz4.feather", "stream.arrows"]);

@@ -31,8 +31,8 @@ fn memchr(bytes: &[u8]) -> Option<usize> {
 fn cannot_be_noticed(name: &str, bytes: &[u8], cut: usize) -> bool {
     let at_line = bytes[cut - 1] == b'\n' || bytes[cut] == b'\n' || bytes[cut] == b'\r';
     match name.rsplit('.').next() {
-        // A table tells nowhere how many rows it has.
-        Some("csv") => at_line,
+        // Tables and IMD tell nowhere how many rows they have.
+        Some("csv" | "imd") => at_line,
         // Between two blocks a file ends that has fewer quantities, of all its particles.
         Some("vtk") => {
             [&b"POINT_DATA"[..], b"FIELD"].iter().any(|it| bytes[cut..].trim_ascii_start().starts_with(it))

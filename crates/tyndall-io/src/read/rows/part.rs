@@ -4,7 +4,7 @@
 
 use fearless_simd::{Level, Simd, dispatch};
 use fearless_simd_macros::simd;
-use tyndall::{Cell, DVec3, Error, Positions};
+use tyndall::{DVec3, Error, Positions};
 
 use super::{Layout, Role, shortened, split};
 use crate::read::column::{Column, Kind, Rest, Separator, double};
@@ -154,8 +154,8 @@ impl Part {
                 next_line(text, at + line.len())
             }
         };
-        if let Some(cell) = &layout.scaled {
-            position = from_fractions(cell, position.into()).into();
+        if let Some(scaled) = &layout.scaled {
+            position = scaled.place(position);
         }
         for (axis, column) in self.axes.iter_mut().enumerate() {
             column.push(position[axis]);
@@ -213,12 +213,6 @@ fn next_line(text: &[u8], at: usize) -> usize {
 fn is_gap(line: &[u8]) -> bool {
     let line = line.trim_ascii_start();
     line.is_empty() || line[0] == b'#'
-}
-
-/// The place of the point that lies at these fractions of the cell's edges.
-fn from_fractions(cell: &Cell, fractions: DVec3) -> DVec3 {
-    let [a, b, c] = cell.vectors;
-    cell.origin + fractions.x * a + fractions.y * b + fractions.z * c
 }
 
 #[cold]

@@ -53,6 +53,16 @@ def text():
     write("gromacs.gro", gro + gro)
     write("table.csv", "x,y,z,mass,name\n" + lines([(*positions[k], k / 8, "ab"[k % 2]) for k in range(COUNT)], "{:.4f},{:.4f},{:.4f},{},{}"))
     write("cloud.pts", f"{COUNT}\n" + lines([(*positions[k], k, 10 * k, 0, 255) for k in range(COUNT)], "{:.4f} {:.4f} {:.4f} {} {} {} {}"))
+    # The second scan is turned and moved; every fifth direction has no echo.
+    def scan(rows, matrix):
+        points = [(*positions[k], k / 32, 10 * k, 0, 255) if k % 5 else (0, 0, 0, 0.5, 0, 0, 0) for k in rows]
+        axes = "1 0 0\n0 1 0\n0 0 1\n"
+        return f"3\n{len(points) // 3}\n0 0 0\n{axes}" + lines(matrix, "{} {} {} {}") + lines(points, "{:.4f} {:.4f} {:.4f} {:.6f} {} {} {}")
+    unit = [(1, 0, 0, 0), (0, 1, 0, 0), (0, 0, 1, 0), (0, 0, 0, 1)]
+    write("scanner.ptx", scan(range(12), unit) + scan(range(12, COUNT), [(0, 1, 0, 0), (-1, 0, 0, 0), (0, 0, 1, 0), (100, 0, 2.5, 1)]))
+    atoms = [(k + 1, k % 2, 1.5, *positions[k], *velocities[k], -k / 8) for k in range(COUNT)]
+    write("atoms.imd", "#F A 1 1 1 3 3 1\n#C number type mass x y z vx vy vz Epot\n#X 10 0 0\n#Y 1 10 0\n#Z 0 0 10\n#E\n"
+          + lines(atoms, "{} {} {} {:.4f} {:.4f} {:.4f} {:.3f} {:.3f} {:.3f} {}"))
     names, types = "position velocity mass particleId", "V V R I"
     write("maya.pda", f"ATTRIBUTES\n {names} \nTYPES\n {types} \nNUMBER_OF_PARTICLES: {COUNT}\nBEGIN DATA\n"
           + lines([(*positions[k], *velocities[k], 1.5, k) for k in range(COUNT)], " {:.4f} {:.4f} {:.4f} {:.3f} {:.3f} {:.3f} {} {} "))
