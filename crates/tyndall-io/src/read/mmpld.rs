@@ -13,7 +13,7 @@ use tyndall::{Error, Progress, Result};
 
 use super::cursor::Cursor;
 use super::numbers::{Kind, Order};
-use super::records::{self, Field, Layout, Source};
+use super::records::{self, Field, JOB_ROWS, Layout, Source};
 use super::{Index, Request, Span};
 use crate::sequence::{Frame, Options};
 
@@ -102,8 +102,8 @@ pub(crate) fn frame(
     if lists.iter().any(|it| it.vertex == Vertex::Short) {
         conventions.push("16-bit coordinates are taken as they are, from 0 to 65535".into());
     }
-    columns.attributes.extend(colors(&lists, content));
-    columns.attributes.extend(intensities(&lists, content));
+    columns.attributes.extend(colors(&lists, content, progress));
+    columns.attributes.extend(intensities(&lists, content, progress));
     records::frame(columns, conventions, warnings)
 }
 
@@ -261,7 +261,8 @@ fn gather(
         let axis = |axis| Some(list.source(bytes, coordinates, axis * coordinates.size()));
         layouts.push(Layout { count: list.count, axes: [axis(0), axis(1), axis(2)], fields });
     }
-    let read = lists.iter().map(|it| it.count * it.stride()).sum();
+    // The other half is read for colors and intensities.
+    let read = lists.iter().map(|it| it.count * it.stride() / 2).sum();
     let mut columns = records::join(path, &layouts, read, progress)?.into_columns();
     columns.radii = uniform.map(|it| Radii::Uniform(f32::from_le_bytes(it.radius)));
     Ok(columns)
@@ -273,7 +274,7 @@ fn once(bytes: &[u8; 4], kind: Kind) -> Source<'_> {
 }
 
 /// The colors of all particles, as bytes; `None` if no list has one.
-fn colors(lists: &[List], bytes: &[u8]) -> Option<Attribute> {
+fn colors(lists: &[List], bytes: &[u8], progress: &dyn Progress) -> Option<Attribute> {
     if lists.iter().all(|it| matches!(it.color, Color::Intensity(_))) {
         return None;
     }
@@ -284,17 +285,11 @@ fn colors(lists: &[List], bytes: &[u8]) -> Option<Attribute> {
     };
     let channels = if lists.iter().all(opaque) { 3 } else { 4 };
     let mut values = vec![0; channels * lists.iter().map(|it| it.count).sum::<usize>()];
-    let mut rest = &mut values[..];
-    for list in lists {
-        let (mine, tail) = rest.split_at_mut(channels * list.count);
-        rest = tail;
-        let mut fill = |of: &(dyn Fn(usize) -> [u8; 4] + Sync)| {
-            let rows = mine.par_chunks_exact_mut(channels).enumerate().with_min_len(1 << 12);
-            rows.for_each(|(id, out)| out.copy_from_slice(&of(id)[..channels]));
-        };
+    fill(lists, bytes, &mut values, channels, progress, |list, first, out: &mut [u8]| {
+        let rows = out.chunks_exact_mut(channels).zip(first..);
         match list.color {
-            Color::List(color) => fill(&|_| color),
-            Color::Intensity(_) => fill(&|_| GREY),
+            Color::List(color) => rows.for_each(|(out, _)| out.copy_from_slice(&color[..channels])),
+            Color::Intensity(_) => rows.for_each(|(out, _)| out.copy_from_slice(&GREY[..channels])),
             Color::Channels(kind, count) => {
                 let source = list.source(bytes, kind, list.vertex_bytes());
                 let factor = match kind {
@@ -306,37 +301,72 @@ fn colors(lists: &[List], bytes: &[u8]) -> Option<Attribute> {
                     true => (source.component(channel).number(id) * factor).round().clamp(0.0, 255.0) as u8,
                     false => 255,
                 };
-                fill(&|id| [0, 1, 2, 3].map(|channel| byte(id, channel)));
+                rows.for_each(|(out, id)| {
+                    out.iter_mut().enumerate().for_each(|(channel, out)| *out = byte(id, channel));
+                });
             }
         }
-    }
+        !matches!(list.color, Color::Intensity(_))
+    });
     Some(Attribute::new("color", channels, Values::U8(values)))
 }
 
 /// The intensities of all particles; `None` if no list has them.
-fn intensities(lists: &[List], bytes: &[u8]) -> Option<Attribute> {
+fn intensities(lists: &[List], bytes: &[u8], progress: &dyn Progress) -> Option<Attribute> {
     let kinds = lists.iter().filter_map(|it| match it.color {
         Color::Intensity(kind) => Some(kind),
         _ => None,
     });
     let wide = kinds.clone().any(|kind| kind == Kind::F64);
     kinds.clone().next()?;
-    let mut values = vec![f64::NAN; lists.iter().map(|it| it.count).sum()];
-    let mut rest = &mut values[..];
-    for list in lists {
-        let (mine, tail) = rest.split_at_mut(list.count);
-        rest = tail;
-        if let Color::Intensity(kind) = list.color {
-            let source = list.source(bytes, kind, list.vertex_bytes());
-            let rows = mine.par_iter_mut().enumerate().with_min_len(1 << 12);
-            rows.for_each(|(id, out)| *out = source.number(id));
-        }
-    }
     let values = match wide {
-        true => Values::F64(values),
-        false => Values::F32(values.into_par_iter().map(|it| it as f32).collect()),
+        true => Values::F64(floats(lists, bytes, f64::NAN, progress, |it| it)),
+        false => Values::F32(floats(lists, bytes, f32::NAN, progress, |it| it as f32)),
     };
     Some(Attribute::new("intensity", 1, values))
+}
+
+/// The intensities of all particles, `missing` where a list has none.
+fn floats<T: Copy + Send>(
+    lists: &[List],
+    bytes: &[u8],
+    missing: T,
+    progress: &dyn Progress,
+    number: impl Fn(f64) -> T + Sync,
+) -> Vec<T> {
+    let mut values = vec![missing; lists.iter().map(|it| it.count).sum()];
+    fill(lists, bytes, &mut values, 1, progress, |list, first, out: &mut [T]| {
+        if let Color::Intensity(kind) = list.color {
+            let source = list.source(bytes, kind, list.vertex_bytes());
+            out.iter_mut().zip(first..).for_each(|(out, id)| *out = number(source.number(id)));
+        }
+        matches!(list.color, Color::Intensity(_))
+    });
+    values
+}
+
+/// Has `job` fill the rows of all particles, parallel: it gets a list, its first particle and rows from there on, and says whether it read
+/// the list; then `progress` is told of half of its bytes.
+fn fill<T: Send>(
+    lists: &[List],
+    bytes: &[u8],
+    mut rows: &mut [T],
+    components: usize,
+    progress: &dyn Progress,
+    job: impl Fn(&List, usize, &mut [T]) -> bool + Sync,
+) {
+    for list in lists {
+        let (mine, rest) = rows.split_at_mut(components * list.count);
+        rows = rest;
+        mine.par_chunks_mut(components * JOB_ROWS).enumerate().for_each(|(number, out)| {
+            let (first, count) = (number * JOB_ROWS, out.len() / components);
+            if job(list, first, out) {
+                let start = list.start + first * list.stride();
+                progress.let_go(&bytes[start..start + count * list.stride()]);
+                progress.advance((count * list.stride() / 2) as u64);
+            }
+        });
+    }
 }
 
 #[cfg(test)]
