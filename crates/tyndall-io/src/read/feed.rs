@@ -466,11 +466,9 @@ mod tests {
         feed.skip_to(1024, 2, &()).unwrap();
         assert_eq!(feed.given_back, 1024);
         let (mut given, mut times) = (feed.given_back, 0);
-        while feed
-            .block(1 << 20, u64::MAX, |block| Ok(assert!(block.bytes.starts_with(b"77"))))
-            .unwrap()
-            .is_some()
-        {
+        let begins = |block: Block| Ok(block.bytes.starts_with(b"77"));
+        while let Some(begins) = feed.block(1 << 20, u64::MAX, begins).unwrap() {
+            assert!(begins);
             times += u64::from(feed.given_back > given);
             given = feed.given_back;
             assert!(given <= feed.start && feed.start - given < RELEASE_BYTES as usize);

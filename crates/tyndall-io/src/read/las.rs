@@ -283,6 +283,7 @@ pub(crate) fn read(
         let axes = [0, 1, 2].map(|axis| coordinates(records, &header, axis));
         fill(slots, &axes, records, record, &quantities);
         let share = |rows: usize| rows as u128 * bytes.len() as u128 / count as u128;
+        progress.let_go(records);
         progress.advance((share(start + records.len() / record) - share(start)) as u64);
         Ok(())
     };
