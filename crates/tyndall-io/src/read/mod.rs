@@ -506,6 +506,14 @@ pub(crate) const FORMATS: &[Format] = &[
         features: &[Feature::Types, Feature::Datasets],
         open: Open::Binary { index: hdf5::index, frame: hdf5::frame },
     },
+    #[cfg(feature = "hdf5")]
+    Format {
+        names: &["xdmf", "xmf"],
+        title: "XDMF",
+        recognise: |head, _| hdf5::xdmf::recognise(head),
+        features: &[],
+        open: Open::Binary { index: hdf5::xdmf::index, frame: hdf5::xdmf::frame },
+    },
     Format {
         names: &["las", "laz"],
         title: "LAS",

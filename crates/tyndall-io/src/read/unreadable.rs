@@ -8,8 +8,6 @@ use tyndall::Error;
 
 /// Tools of visual effects.
 const EFFECTS: &str = "export the points as PLY, or as classic .bgeo";
-/// ParaView.
-const PARAVIEW: &str = "open it in ParaView and save the points as PLY or CSV";
 
 struct Known {
     name: &'static str,
@@ -21,7 +19,12 @@ struct Known {
 const KNOWN: &[Known] = &[
     #[cfg(not(feature = "hdf5"))]
     Known { name: "HDF5", is: is_hdf5, way_out: "build with the feature hdf5, which reads it" },
-    Known { name: "XDMF", is: |head| head_has(head, b"<Xdmf"), way_out: PARAVIEW },
+    #[cfg(not(feature = "hdf5"))]
+    Known {
+        name: "XDMF",
+        is: |head| head_has(head, b"<Xdmf"),
+        way_out: "build with the feature hdf5, which reads it",
+    },
     Known {
         name: "Krakatoa PRT 2 or SPRT",
         is: super::prt::is_later,
@@ -168,7 +171,7 @@ mod tests {
         let bi4 = [&b"#File JPartDataBi4"[..], &[b' '; 40], b"\n\0\x01\0\0\0"].concat();
         let mut tar = vec![0; 512];
         tar[257..262].copy_from_slice(b"ustar");
-        let cases: [(&[u8], &str); 18] = [
+        let cases: [(&[u8], &str); 17] = [
             (&bi4, "DualSPHysics .bi4"),
             (&tar, "tar"),
             (b"- of UlmASE-Trajectory", "ASE"),
@@ -184,7 +187,6 @@ mod tests {
             (b"PARE", "encrypted"),
             (b"PXR-USDC\0", "usdcat"),
             (b"Ogawa\xff\0", "Alembic"),
-            (b"<?xml version=\"1.0\"?>\n<Xdmf>", "XDMF"),
             (b"\xc0PRT2\r\n\x1a", "PRT 2"),
             (b"[\n\t\"fileversion\",\"18\"", "Houdini JSON"),
         ];

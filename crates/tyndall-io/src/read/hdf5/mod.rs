@@ -18,6 +18,7 @@ mod plain;
 mod swift;
 mod tree;
 mod vtkhdf;
+pub(crate) mod xdmf;
 
 use std::path::Path;
 

@@ -83,7 +83,7 @@ pub(super) fn pieces(path: &Path, document: &Document) -> Result<Option<Vec<Path
 }
 
 /// A file that is named within `path`. No file has control characters in its name, but damage brings them in.
-fn beside(path: &Path, name: &str) -> PathBuf {
+pub(in crate::read) fn beside(path: &Path, name: &str) -> PathBuf {
     let name = name.replace(char::is_control, "\u{fffd}");
     let name = if cfg!(unix) { name.replace('\\', "/") } else { name };
     path.parent().unwrap_or(Path::new("")).join(name)

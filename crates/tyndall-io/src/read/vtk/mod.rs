@@ -23,8 +23,12 @@ use tyndall::{Error, Progress, Result};
 use self::data::Array;
 pub(crate) use self::image::image;
 use self::list::Step;
+#[cfg(feature = "hdf5")]
+pub(super) use self::list::beside;
 use self::words::WordArray;
 use self::xml::Document;
+#[cfg(feature = "hdf5")]
+pub(super) use self::xml::{Node, elements};
 use super::map::Map;
 use super::numbers::Order;
 use super::records::{self, Field, Layout, Source};

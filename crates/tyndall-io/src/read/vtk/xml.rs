@@ -23,12 +23,12 @@ const DEPTH: usize = 100;
 
 /// An element.
 #[derive(Debug, Default)]
-pub(super) struct Node<'a> {
-    pub(super) name: String,
+pub(in crate::read) struct Node<'a> {
+    pub(in crate::read) name: String,
     attributes: Vec<(String, String)>,
     /// The first text in it that is not blank.
     text: &'a str,
-    pub(super) children: Vec<Node<'a>>,
+    pub(in crate::read) children: Vec<Node<'a>>,
 }
 
 impl<'a> Node<'a> {
@@ -43,16 +43,22 @@ impl<'a> Node<'a> {
     }
 
     /// The value of an attribute.
-    pub(super) fn get(&self, name: &str) -> Option<&str> {
+    pub(in crate::read) fn get(&self, name: &str) -> Option<&str> {
         self.attributes.iter().find(|(key, _)| key == name).map(|(_, value)| value.as_str())
     }
 
-    pub(super) fn child(&self, name: &str) -> Option<&Self> {
+    /// The first text in it that is not blank.
+    #[cfg(feature = "hdf5")]
+    pub(in crate::read) fn text(&self) -> &'a str {
+        self.text
+    }
+
+    pub(in crate::read) fn child(&self, name: &str) -> Option<&Self> {
         self.children.iter().find(|it| it.name == name)
     }
 
     /// All elements of that name below this one, in the order of the file.
-    pub(super) fn all(&self, name: &str) -> Vec<&Self> {
+    pub(in crate::read) fn all(&self, name: &str) -> Vec<&Self> {
         let below = self
             .children
             .iter()
@@ -311,7 +317,7 @@ impl<'a> Appended<'a> {
 }
 
 /// Reads elements into a tree. With `open`, some need not be closed: what closes them comes later.
-fn elements<'a>(path: &Path, bytes: &'a [u8], open: bool) -> Result<Node<'a>> {
+pub(in crate::read) fn elements<'a>(path: &Path, bytes: &'a [u8], open: bool) -> Result<Node<'a>> {
     let mut reader = Reader::from_reader(bytes);
     let fault = |reader: &Reader<_>, what: String| {
         Error::format(path, format!("byte {}", reader.buffer_position()), what, HINT)

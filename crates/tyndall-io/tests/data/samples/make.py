@@ -1,7 +1,7 @@
 """Writes the samples of this folder, a few particles in every format that can be read, mostly with the formats' own libraries.
 
 python make.py TYNDALL (the command, for formats that few others write; needs numpy, MDAnalysis, gsd, laspy, lazrs, pye57, vtk, msgpack,
-OpenEXR, pyarrow; and Debian's python3-openvdb). `universal.usda`, `vasp.poscar` and `atomeye.cfg` are written by hand.
+OpenEXR, pyarrow, h5py; and Debian's python3-openvdb). `universal.usda`, `vasp.poscar` and `atomeye.cfg` are written by hand.
 """
 import bz2
 import gzip
@@ -305,6 +305,28 @@ def vtk_files():
     put(vtk.vtkXMLImageDataWriter, "grid.vti", image, SetDataModeToAppended=(), SetCompressorTypeToZLib=())
 
 
+def xdmf():
+    import h5py
+
+    with h5py.File("series_xdmf.h5", "w") as file:
+        file["x"], file["y"], file["one"] = np.arange(4.0), 10 * np.arange(4.0), np.array([1.0])
+        file["step_0/position"] = np.arange(12.0).reshape(4, 3)
+        for step, sign in [(0, 1), (1, -1)]:
+            file[f"step_{step}/velocity"] = sign * np.arange(12, dtype="f4").reshape(4, 3)
+            file[f"step_{step}/mass"] = sign * np.arange(4, dtype="f4")
+    def item(name, size):
+        return f'<DataItem Dimensions="{size}" NumberType="Float" Format="HDF">\n          series_xdmf.h5:/{name}\n        </DataItem>'
+    def step(number, time, points):
+        return (f'      <Grid Name="particles" GridType="Uniform">\n        <Time Value="{time}"/>\n        {points}\n'
+                f'        <Attribute Name="velocity" AttributeType="Vector" Center="Node">{item(f"step_{number}/velocity", "4 3")}</Attribute>\n'
+                f'        <Attribute Name="mass" AttributeType="Scalar" Center="Node">{item(f"step_{number}/mass", "4")}</Attribute>\n      </Grid>\n')
+    own = f'<Topology TopologyType="Polyvertex" NumberOfElements="4"/>\n        <Geometry GeometryType="XYZ">{item("step_0/position", "4 3")}</Geometry>'
+    included = '<xi:include xpointer="xpointer(//Grid[@Name=&quot;series&quot;]/Grid[1]/*[self::Topology or self::Geometry])"/>'
+    write("series.xdmf", '<?xml version="1.0"?>\n<Xdmf Version="3.0" xmlns:xi="http://www.w3.org/2001/XInclude">\n  <Domain>\n'
+          '    <Grid Name="series" GridType="Collection" CollectionType="Temporal">\n'
+          + step(0, 0.5, own) + step(1, 0.75, included) + "    </Grid>\n  </Domain>\n</Xdmf>\n")
+
+
 def voxels():
     """With the Python of the system, for which Debian has python3-openvdb; packed by Blosc."""
     script = """
@@ -392,6 +414,7 @@ if __name__ == "__main__":
     trajectories()
     clouds()
     vtk_files()
+    xdmf()
     voxels()
     tables()
     sky()
