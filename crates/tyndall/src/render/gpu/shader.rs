@@ -251,7 +251,14 @@ impl Shape {
 
     /// The kernels that light the samples.
     pub(super) fn shade(&self, sampling: Sampling) -> String {
-        self.head(sampling) + &self.walk() + &["", CAMERA, PASS, SHADE].join("\n")
+        // Kernels that only look for hits are the same for all colors.
+        let mut colors = String::new();
+        for (name, value) in
+            [("COLORS", self.colors), ("COLORS_PALETTE", Colors::Palette), ("COLORS_DIRECT", Colors::Direct)]
+        {
+            colors += &format!("const {name}: u32 = {}u;\n", value as u32);
+        }
+        self.head(sampling) + &colors + &self.walk() + &["", CAMERA, PASS, SHADE].join("\n")
     }
 
     /// The kernel of a frame of culling by confidence, but for the declaration of its grid.
@@ -313,14 +320,12 @@ impl Shape {
                 number("SIZES_LOG", Sizes::Log as u32);
             }
             Walked::Pkd(heaps) | Walked::Treelets(heaps) => {
-                number("HEAP_STACK", heaps.upper_levels.max(1));
+                // Few different numbers, so that kernels are seldom made anew.
+                number("HEAP_STACK", heaps.upper_levels.max(1).next_multiple_of(4));
                 number("HEAP_WALK", heaps.walk as u32);
                 number("STACK_FREE", HeapWalk::StackFree as u32);
             }
         }
-        number("COLORS", self.colors as u32);
-        number("COLORS_PALETTE", Colors::Palette as u32);
-        number("COLORS_DIRECT", Colors::Direct as u32);
         number("HEADLIGHT", layout::HEADLIGHT);
         number("NONE", layout::NONE);
         number("LEVELS", self.levels);
