@@ -29,6 +29,7 @@ impl Region {
 pub(in crate::structure) struct Stack([Region; 64]);
 
 impl Default for Stack {
+    #[inline(always)]
     fn default() -> Self {
         Self([Region::NONE; 64])
     }
