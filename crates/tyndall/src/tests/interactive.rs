@@ -48,6 +48,8 @@ struct State {
     background: Option<[f32; 3]>,
     radius_scale: f32,
     half_spaces: Vec<HalfSpace>,
+    /// Samples that finished pictures may have.
+    samples: [u32; 3],
 }
 
 impl State {
@@ -60,6 +62,7 @@ impl State {
             background: None,
             radius_scale: 1.0,
             half_spaces: Vec::new(),
+            samples: [1, 4, 21],
         }
     }
 
@@ -71,7 +74,7 @@ impl State {
                 interactive.look_from(self.camera).unwrap();
             }
             1 => {
-                let samples = [1, 4, 21][random.below(3) as usize];
+                let samples = self.samples[random.below(3) as usize];
                 let (width, height) = (40 + random.below(40), 20 + random.below(30));
                 let culling = [Culling::Off, Culling::default()][random.below(2) as usize];
                 self.settings = Settings { width, height, samples, seed: random.below(9), culling };
@@ -136,6 +139,9 @@ fn colors(particles: &Particles, random: &mut Random) -> ParticleColors {
 
 /// What keeps a scene and renders it.
 trait Device {
+    /// Samples of finished pictures: of one pass, and of several.
+    fn samples(&self) -> [u32; 3];
+
     /// Moves the scene there.
     fn take(&self, interactive: Interactive) -> Interactive;
 
@@ -146,6 +152,10 @@ trait Device {
 struct Cpu;
 
 impl Device for Cpu {
+    fn samples(&self) -> [u32; 3] {
+        [1, 4, 21]
+    }
+
     fn take(&self, interactive: Interactive) -> Interactive {
         interactive
     }
@@ -160,21 +170,24 @@ const KINDS: [Kind; 2] = [
     Kind::Pkd(pkd::Options { axis: pkd::Axis::WidestExtent, order: pkd::Order::NodeFirst }),
 ];
 
-/// Changes scenes of so many seeds on a device, and compares every picture. `compare` is given the seed, scene and picture as well.
+/// Changes scenes of so many seeds on a device, so often each, and compares every picture. `compare` is given the seed, scene and picture
+/// as well.
 fn change_at_random(
     device: &impl Device,
-    seeds: u64,
+    (seeds, edits): (u64, u32),
     kinds: &[Kind],
     mut compare: impl FnMut(u64, &Scene, &State, &Image),
 ) {
     for seed in 0..seeds {
         let mut random = Random::new(11_000 + seed);
         let (particles, radii) = particles(LAWS[seed as usize % LAWS.len()], 500, &mut random);
-        let kind = kinds[seed as usize % kinds.len()];
-        let mut state = State::first(&particles, &mut random);
+        // Each law with each kind in turn.
+        let kind = kinds[(seed as usize + seed as usize / LAWS.len()) % kinds.len()];
+        let mut state = State { samples: device.samples(), ..State::first(&particles, &mut random) };
+        state.settings.samples = state.samples[2];
         let scene = state.scene(&particles, &radii, kind);
         let mut interactive = device.take(Interactive::new(scene, state.camera, state.settings).unwrap());
-        for edit in 0..8 {
+        for edit in 0..edits {
             state.change(&mut interactive, &particles, &mut random);
             if random.below(3) == 0 {
                 // Two changes before the next picture, or in the middle of one.
@@ -198,7 +211,7 @@ fn change_at_random(
 
 #[test]
 fn changes_come_to_what_a_scene_made_that_way_shows() {
-    change_at_random(&Cpu, 24, &KINDS, |_, _, _, _| ());
+    change_at_random(&Cpu, (16, 6), &KINDS, |_, _, _, _| ());
 }
 
 /// A resident scene of a few hundred particles.
@@ -288,6 +301,11 @@ mod card {
     use crate::structure::treelets;
 
     impl Device for Gpu {
+        fn samples(&self) -> [u32; 3] {
+            // Passes of 1 and 16: each other number of samples has kernels of its own, which take a second to compile.
+            [1, 16, 17]
+        }
+
         fn take(&self, mut interactive: Interactive) -> Interactive {
             interactive.move_to_gpu(self, &()).unwrap();
             interactive
@@ -315,7 +333,7 @@ mod card {
     fn changes_come_to_what_a_scene_made_that_way_shows() {
         let Some(gpu) = device_that_hides() else { return };
         let (mut pixels, mut differing) = (0, 0);
-        change_at_random(&gpu, 8, &KINDS, |seed, scene, state, found| {
+        change_at_random(&gpu, (8, 5), &KINDS, |seed, scene, state, found| {
             // Where all particles share a center, what a shadow ray starts on lies within rounding of the others.
             if matches!(
                 (LAWS[seed as usize % LAWS.len()], state.lighting.clone()),

@@ -82,7 +82,8 @@ fn a_single_altered_value_is_seen_by_the_comparison() {
 #[test]
 fn every_structure_renders_what_brute_force_renders() {
     let mut met = 0;
-    for seed in 0..200 {
+    // Every law with every number of particles, twice.
+    for seed in 0..160 {
         let mut random = Random::new(seed);
         let law = LAWS[seed as usize % LAWS.len()];
         let count = COUNTS[seed as usize / LAWS.len() % COUNTS.len()];
@@ -93,7 +94,7 @@ fn every_structure_renders_what_brute_force_renders() {
         let brute = scene(&particles, &radii, Kind::Brute, Lighting::Headlight);
         let expected = image(&brute, &camera, &settings, Level::new());
         met += expected.id.iter().filter(|&&id| id >= 0).count();
-        for kind in KINDS {
+        for kind in KINDS.into_iter().filter(|&kind| kind != Kind::Brute) {
             let scene = scene(&particles, &radii, kind, Lighting::Headlight);
             let found = image(&scene, &camera, &settings, Level::new());
             let differing = differing_pixels(&expected, &found);
