@@ -113,6 +113,9 @@ pub(super) fn solve(
         if place < coarsest {
             radiance = solver.finer(place, radiance);
         }
+        // What was there before the last correction by the coarser lattice, and how much the radiance changed then.
+        let mut uncorrected: Option<(Radiance, f32)> = None;
+        let mut is_corrected = place < coarsest;
         for _ in 0..accuracy.sweeps[usize::from(place < coarsest)] {
             if progress.cancelled() {
                 return Err(Error::Interrupted);
@@ -120,13 +123,19 @@ pub(super) fn solve(
             let next = solver.lit(place, &radiance);
             let rest = difference(&next, &radiance);
             let change = (norm(&rest[0]) / norm(&next[0]).max(f64::MIN_POSITIVE)) as f32;
+            if let Some((before, _)) = uncorrected.take_if(|(_, before)| change > *before) {
+                // Through optically thick cells errors stay rough, which a coarser lattice takes for smooth ones: sweeps go on without it.
+                (radiance, is_corrected) = (before, false);
+                continue;
+            }
             radiance = next;
             if change < accuracy.change {
                 break;
             }
-            // What is still missing is smooth: it is found on the coarser lattice.
-            if place < coarsest {
+            if is_corrected {
+                // What is still missing is smooth: it is found on the coarser lattice.
                 let missing = solver.finer(place, solver.missing(place + 1, solver.coarser(place, &rest)));
+                uncorrected = Some((radiance.clone(), change));
                 add(&mut radiance, &missing);
             }
         }

@@ -248,6 +248,37 @@ fn a_channel_that_is_mixed_is_as_if_it_were_solved() {
     }
 }
 
+/// Halos in a box of edge 2 around the origin, tens of thousands of times as dense in their middle as between them.
+fn halos(optics: Optics) -> Medium {
+    let mut stream = Stream::new(71, 0);
+    let halos: Vec<(Vec3, f32)> = (0..12).map(|_| (0.7 * stream.cube(), stream.range(0.1, 0.3))).collect();
+    let value = |place: usize| {
+        let at = Vec3::new((place % 24) as f32, (place / 24 % 24) as f32, (place / 576) as f32);
+        let at = (at - 11.5) / 12.0;
+        let density = |(center, size): &(Vec3, f32)| {
+            let size_sq = size * size;
+            (size_sq / ((at - *center).length_squared() + 1e-3 * size_sq)).powf(1.5)
+        };
+        halos.iter().map(density).sum()
+    };
+    let values: Vec<f32> = (0..24 * 24 * 24).map(value).collect();
+    let grid = Grid::from_dense(Vec3::splat(-11.5 / 12.0), 1.0 / 12.0, [24; 3], &values).unwrap();
+    Medium::new(grid, optics).unwrap()
+}
+
+#[test]
+fn solid_matter_is_as_bright_as_thick_matter() {
+    let lights = [sun([2.0, 1.5, 1.0]), sky([0.2, 0.3, 0.5])];
+    // Two lattices to solve on.
+    let settings = Settings { diffuse_spacing: Some(1.0 / 12.0), ..Settings::default() };
+    let [thick, solid] = [1e2, 1e6].map(|extinction| {
+        let medium = halos(grey(extinction, 0.99, 0.0));
+        mean(&cached(&medium, &lights, &settings))
+    });
+    let ratio = solid / thick;
+    assert!(ratio.min_element() > 0.7 && ratio.max_element() < 1.3, "{solid} beside {thick}");
+}
+
 fn photon_settings(count: u64) -> photons::Settings {
     photons::Settings {
         count,
