@@ -14,12 +14,13 @@ use tyndall::scene::quantity::{Component, Quantity};
 use tyndall::scene::short;
 use tyndall::scene::wanted::Wanted;
 use tyndall::{Error, Result};
+use tyndall_io::read::{Described, is_absent};
 
 use super::args::OpticsName;
 use super::looks;
 use super::values::Rgb;
 use crate::args::Render;
-use crate::report::Outcome;
+use crate::report::{Failure, Outcome};
 
 /// What the flag says.
 const FLAG: &str = "--emission";
@@ -31,8 +32,6 @@ const REFERENCE_SHARE: f64 = 0.99;
 const FLAME: f64 = 1700.0;
 /// What share of that temperature has luminance 1 in looks of fire, so that the hottest is overexposed, as flames in pictures are.
 const FLAME_REFERENCE: f64 = 0.88;
-/// What flames are of where there is no temperature.
-const ROOT_OF_DENSITY: &str = "the root of the density";
 /// Kelvins that looks of fire take for temperatures of fire; what lies outside is scaled.
 const OF_FIRE: RangeInclusive<f64> = 1000.0..=6000.0;
 
@@ -158,16 +157,31 @@ impl EmissionSpec {
 
     /// Whether it is of a quantity that each particle has.
     pub(super) fn is_of_particles(&self) -> bool {
-        self.grid().is_some()
+        !self.names().is_empty()
     }
 
-    /// Which grid of a file of grids it is of; `None` if of none.
-    pub(super) fn grid(&self) -> Option<&str> {
+    /// What the quantity that it is of may be called, best first; nothing if it is of none.
+    fn names(&self) -> Vec<&str> {
         match self {
-            Self::None | Self::Even(_) => None,
-            Self::Flames => Some(TEMPERATURES[0]),
-            Self::BlackBody(name, _) => Some(name.as_deref().unwrap_or(TEMPERATURES[0])),
-            Self::Quantity(name) => Some(name),
+            Self::None | Self::Even(_) => Vec::new(),
+            Self::Flames | Self::BlackBody(None, _) => TEMPERATURES.to_vec(),
+            Self::BlackBody(Some(name), _) | Self::Quantity(name) => vec![name],
+        }
+    }
+
+    /// The grid that it is of, from a file of grids; `load` reads one by its name.
+    pub(super) fn of_grids(&self, load: impl Fn(&str) -> Outcome<Described>) -> Outcome<Option<Values>> {
+        let mut missing = None;
+        for name in self.names() {
+            match load(name) {
+                Ok(Described { grid, .. }) => return Ok(Some(Values::Own(name.into(), grid))),
+                Err(Failure::Library(error)) if is_absent(&error) => missing = missing.or(Some(error)),
+                Err(error) => return Err(error),
+            }
+        }
+        match (missing, self.of_density()) {
+            (Some(error), None) => Err(of_flag(FLAG, error).into()),
+            (_, values) => Ok(values),
         }
     }
 
@@ -183,29 +197,43 @@ pub(crate) fn find<'a>(particles: &'a Particles, flag: &str, text: &str) -> Resu
         Coloring::Attribute { name, component } => Quantity::find(particles, &name, component),
         _ => Quantity::find(particles, text, None),
     };
-    found.map_err(|error| match error {
+    found.map_err(|error| of_flag(flag, error))
+}
+
+/// The same, said of a flag.
+fn of_flag(flag: &str, error: Error) -> Error {
+    match error {
         Error::Setting { value, allowed, .. } => Error::setting(flag, value, allowed),
         error => error,
-    })
+    }
 }
 
 /// A quantity on the lattice of a density.
 pub(super) enum Values {
     /// Of particles: its products with the density.
     Means(Field),
-    /// Of a file: a grid of its own.
-    Own(Grid),
+    /// Of a file: a grid of its own, and its name.
+    Own(String, Grid),
     /// The root of the density itself.
     Density,
 }
 
 impl Values {
+    /// What they are called; `None` if they are of the density itself.
+    fn name(&self) -> Option<&str> {
+        match self {
+            Self::Means(field) => Some(&field.name),
+            Self::Own(name, _) => Some(name),
+            Self::Density => None,
+        }
+    }
+
     /// At a sample at which the density is not 0.
     fn at(&self, density: &Grid, sample: [u32; 3]) -> f64 {
         let [i, j, k] = sample;
         match self {
             Self::Means(field) => f64::from(field.product.value(i, j, k)) / f64::from(density.value(i, j, k)),
-            Self::Own(grid) => f64::from(grid.density(density.lattice().position(sample))),
+            Self::Own(_, grid) => f64::from(grid.density(density.lattice().position(sample))),
             Self::Density => f64::from(density.value(i, j, k)).sqrt(),
         }
     }
@@ -251,19 +279,16 @@ impl Source {
         density: &Grid,
         values: Option<&Values>,
     ) -> Outcome<Option<(Self, String)>> {
-        let name = match values {
-            Some(Values::Density) => ROOT_OF_DENSITY,
-            _ => spec.grid().unwrap_or_default(),
-        };
+        let name = values.and_then(Values::name);
         let weighted = values.map(|values| values.weighted(density));
         Self::of_numbers(args, spec, name, weighted)
     }
 
-    /// The same of numbers with their weights, which are those of `name`.
+    /// The same of numbers with their weights, which are those of `name`, or of the density.
     fn of_numbers(
         args: &Render,
         spec: &EmissionSpec,
-        name: &str,
+        name: Option<&str>,
         weighted: Option<Vec<(f64, f64)>>,
     ) -> Outcome<Option<(Self, String)>> {
         let Some(mut weighted) = weighted else {
@@ -278,17 +303,21 @@ impl Source {
             return Self::black_body(spec, name, &mut weighted).map(Some);
         }
         let numbers: Vec<f64> = weighted.iter().map(|(value, _)| *value).collect();
-        let (scale, text) = Scale::of_numbers(name, &numbers, &args.look.mapping())?;
+        let (scale, text) = Scale::of_numbers(name.unwrap_or_default(), &numbers, &args.look.mapping())?;
         Ok(Some((Self::Map(Box::new(scale)), format!("emission {text}"))))
     }
 
     /// Black bodies of numbers with their weights, and how they are told.
-    fn black_body(spec: &EmissionSpec, name: &str, weighted: &mut [(f64, f64)]) -> Outcome<(Self, String)> {
+    fn black_body(
+        spec: &EmissionSpec,
+        name: Option<&str>,
+        weighted: &mut [(f64, f64)],
+    ) -> Outcome<(Self, String)> {
         let (factor, reference, how) = match spec {
             EmissionSpec::BlackBody(_, Some(kelvins)) => (1.0, *kelvins, "given".to_string()),
             EmissionSpec::Flames => {
                 let found = quantile(weighted);
-                let is_scaled = found > 0.0 && (name == ROOT_OF_DENSITY || !OF_FIRE.contains(&found));
+                let is_scaled = found > 0.0 && (name.is_none() || !OF_FIRE.contains(&found));
                 let factor = if is_scaled { FLAME / found } else { 1.0 };
                 let hottest = factor * found;
                 let how = format!("99 % of the mass is colder than {} K", short(hottest));
@@ -298,6 +327,7 @@ impl Source {
         };
         let times = if factor == 1.0 { String::new() } else { format!(" times {}", short(factor)) };
         let kelvins = short(reference);
+        let name = name.unwrap_or("the root of the density");
         let body = BlackBody::new(reference).map_err(|_| {
             let hint = "temperatures of 500 K and more glow: are these kelvins? (--emission blackbody:NAME@KELVINS, or \"blackbody:1000*NAME\")";
             Error::setting(format!("{FLAG} blackbody:{name}"), format!("{kelvins} K at most"), hint)
@@ -340,7 +370,7 @@ pub(crate) fn of_spheres(args: &Render, particles: &Particles) -> Outcome<Option
     let quantity = spec.quantity(particles)?;
     let ids = 0..particles.len();
     let weighted = quantity.as_ref().map(|it| ids.clone().map(|id| (it.value(id), 1.0)).collect());
-    let name = quantity.as_ref().map_or("", Quantity::label);
+    let name = quantity.as_ref().map(Quantity::label);
     let Some((source, text)) = Source::of_numbers(args, spec, name, weighted)? else { return Ok(None) };
     let radiance = |id: usize| {
         let value = quantity.as_ref().map_or(0.0, |it| it.value(id));
@@ -390,31 +420,24 @@ mod tests {
 
     #[test]
     fn flames_are_as_hot_as_fire_on_any_scale() {
-        let told = |spec: &EmissionSpec, name: &str, kelvins: f64| {
-            Source::black_body(spec, name, &mut [(0.5 * kelvins, 98.0), (kelvins, 2.0)]).map(
-                |(source, text)| {
-                    let luminance = |it: f64| {
-                        let [r, g, b] = source.radiance(it * kelvins);
-                        0.2126 * r + 0.7152 * g + 0.0722 * b
-                    };
-                    assert!(
-                        (luminance(if *spec == EmissionSpec::Flames { FLAME_REFERENCE } else { 1.0 }) - 1.0)
-                            .abs()
-                            < 0.01
-                    );
-                    text
-                },
-            )
-        };
         let flames = &EmissionSpec::Flames;
-        let text = told(flames, "temperature", 0.85).unwrap();
+        let told = |spec: &EmissionSpec, name: Option<&str>, kelvins: f64| {
+            let mut weighted = [(0.5 * kelvins, 98.0), (kelvins, 2.0)];
+            let (source, text) = Source::black_body(spec, name, &mut weighted)?;
+            let reference = if spec == flames { FLAME_REFERENCE } else { 1.0 };
+            let [r, g, b] = source.radiance(reference * kelvins);
+            let luminance = 0.2126 * r + 0.7152 * g + 0.0722 * b;
+            assert!((luminance - 1.0).abs() < 0.01, "{luminance}");
+            Outcome::Ok(text)
+        };
+        let text = told(flames, Some("temperature"), 0.85).unwrap();
         assert_eq!(
             text,
             "black body of temperature times 2000: 1496 K has luminance 1 (99 % of the mass is colder than 1700 K)"
         );
-        assert!(told(flames, "temperature", 2000.0).unwrap().contains("temperature: 1760 K"));
-        assert!(told(flames, ROOT_OF_DENSITY, 2000.0).unwrap().contains("density times 0.85: 1496 K"));
-        assert!(told(&EmissionSpec::BlackBody(None, None), "T", 0.85).is_err());
-        assert!(told(flames, "temperature", 0.0).is_err());
+        assert!(told(flames, Some("temperature"), 2000.0).unwrap().contains("temperature: 1760 K"));
+        assert!(told(flames, None, 2000.0).unwrap().contains("density times 0.85: 1496 K"));
+        assert!(told(&EmissionSpec::BlackBody(None, None), Some("T"), 0.85).is_err());
+        assert!(told(flames, Some("temperature"), 0.0).is_err());
     }
 }

@@ -205,12 +205,7 @@ impl Job<'_> {
             let own = number.min(own - 1);
             let (path, density) = load(own, None);
             let Described { grid, conventions } = density?;
-            let spec = self.emission_spec();
-            let values = spec.grid().map(|array| load(own, Some(array)).1.map(|it| Values::Own(it.grid)));
-            let values = match (values, spec.of_density()) {
-                (Some(Err(_)), Some(values)) => Some(values),
-                (values, _) => values.transpose()?,
-            };
+            let values = self.emission_spec().of_grids(|array| load(own, Some(array)).1)?;
             let bodies = self.bodies(number, DVec3::ZERO, kept.as_ref())?;
             let content = Content { particles: None, length: None, bodies: bodies.as_ref() };
             let (medium, scene) = self.scene((grid, values), content, kept.as_ref())?;

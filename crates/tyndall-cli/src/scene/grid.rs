@@ -63,8 +63,11 @@ impl Grid {
         let Self { file, scale, .. } = self;
         let (size, spacing) = match (self.size, self.spacing) {
             (Some(_), Some(_)) if array.is_some() => {
-                let what = format!("a raw file has no other grid '{}' to emit by", array.unwrap_or_default());
-                return Err(Error::format(file, "[grid]", what, "take OpenVDB or VTK").into());
+                return Err(read::absent(
+                    array.unwrap_or_default(),
+                    "a raw file has one grid, without a name",
+                )
+                .into());
             }
             (Some(size), Some(spacing)) if self.array.is_none() => (size, spacing),
             (None, None) if self.sample.is_none() && self.origin.is_none() => {

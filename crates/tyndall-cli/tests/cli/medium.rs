@@ -371,13 +371,42 @@ fn a_grid_glows_by_a_temperature_beside_it() {
     folder.render(&format!("{SMOKE} {words} -o particles.png")).fine();
     let ratio = brightness(&folder, "grid.png") / brightness(&folder, "particles.png");
     assert!((0.8..1.25).contains(&ratio), "{ratio}");
-    folder.render("a.vdb --emission blackbody:heat -o a.png").fails(2, &["heat"]);
+    folder
+        .render("a.vdb --emission blackbody:heat -o a.png")
+        .fails(2, &["--emission cannot be 'heat'", "density", "temperature"]);
 
     let said = folder.render("a.vdb --look fire -o fire.png").fine();
     assert!(said.contains("black body of temperature"), "{said}");
     folder.line("convert synthetic:smoke?n=3000 -o b.vdb --grid 16 --fields density").fine();
     let said = folder.render("b.vdb --look fire -o fire.png").fine();
     assert!(said.contains("black body of the root of the density"), "{said}");
+}
+
+#[test]
+fn a_damaged_temperature_is_not_passed_over() {
+    let folder = Folder::new();
+    let image = |name: &str, temperatures: usize| {
+        let array = |name: &str, count: usize| {
+            format!("<DataArray type='Float32' Name='{name}'>{}</DataArray>", "1 ".repeat(count))
+        };
+        let arrays = [array("density", 64), array(name, temperatures)].concat();
+        format!(
+            "<VTKFile type='ImageData'><ImageData WholeExtent='0 3 0 3 0 3' Origin='0 0 0' Spacing='1 1 1'>\
+             <Piece Extent='0 3 0 3 0 3'><PointData>{arrays}</PointData></Piece></ImageData></VTKFile>"
+        )
+    };
+    folder.file("a.toml", "[grid]\nfile = 'a.vti'\narray = 'density'\n");
+    let render = |name: &str, count: usize, words: &str| {
+        folder.file("a.vti", image(name, count));
+        folder.render(&format!("a.toml --look fire --samples 1 --size 16x16 {words} -o a.png"))
+    };
+    let said = render("heat", 64, "").fine();
+    assert!(said.contains("black body of heat times 1700"), "{said}");
+    render("heat", 63, "").fails(3, &["a.vti", "heat"]);
+    let said = render("speed", 64, "").fine();
+    assert!(said.contains("black body of the root of the density"), "{said}");
+    render("speed", 64, "--emission blackbody")
+        .fails(2, &["--emission cannot be 'temperature'", "density, speed"]);
 }
 
 const SCENE: &str = "
@@ -443,12 +472,12 @@ fn a_grid_file_may_say_itself_where_its_samples_lie() {
         let said = folder.render("a.toml -o a.png").fine();
         assert!(said.contains(part), "{said}");
     }
-    for (table, part) in [
-        ("file = 'block.dx'\nspacing = 1", "size and spacing"),
-        ("file = 'block.vti'\narray = 'T'", "found: rho"),
+    for (table, code, part) in [
+        ("file = 'block.dx'\nspacing = 1", 3, "size and spacing"),
+        ("file = 'block.vti'\narray = 'T'", 2, "scalars of the file: rho"),
     ] {
         folder.file("a.toml", scene(table));
-        folder.render("a.toml -o a.png").fails(3, &[part]);
+        folder.render("a.toml -o a.png").fails(code, &[part]);
     }
     folder.render("block.dx -o a.png").fails(3, &["no particles", "[grid]"]);
 }

@@ -40,8 +40,8 @@ pub(super) struct Samples {
 /// Reads a grid from a file that says where its samples lie: an OpenDX field (`.dx`), a VTK image (`.vti`), legacy VTK structured
 /// points, or OpenVDB (`.vdb`). `array` names one of several arrays or grids; `scale` is the density of a sample of value 1.
 ///
-/// Fails with [`Error::Format`] if the file is damaged or of another format, and with [`Error::Setting`] where
-/// [`Grid::from_dense`] does: a negative density, for example.
+/// Fails with [`Error::Format`] if the file is damaged or of another format, and with [`Error::Setting`] if it has nothing of that
+/// name (see [`is_absent`]) and where [`Grid::from_dense`] does: a negative density, for example.
 pub fn described_density(
     path: &Path,
     array: Option<&str>,
@@ -76,6 +76,8 @@ pub fn described_density(
         let (samples, name) = vtk::image(path, bytes, array)?;
         conventions.push(format!("density: array '{name}'"));
         samples
+    } else if let Some(array) = array {
+        return Err(absent(array, "an OpenDX file has one grid, without a name"));
     } else {
         dx(path, bytes)?
     };
@@ -87,6 +89,19 @@ pub fn described_density(
     let size = samples.size.map(|it| it as u32);
     let grid = Grid::from_dense(origin, samples.spacing[0] as f32, size, &samples.values)?;
     Ok(Described { grid, conventions })
+}
+
+/// The setting that names one of several arrays or grids of a file.
+const ARRAY: &str = "array";
+
+/// Why a file has no array or grid called `name`: what it has instead.
+pub fn absent(name: &str, found: &str) -> Error {
+    Error::setting(ARRAY, name, found)
+}
+
+/// Whether an array or a grid could not be read only because the file has nothing of that name.
+pub fn is_absent(error: &Error) -> bool {
+    matches!(error, Error::Setting { name, .. } if name == ARRAY)
 }
 
 impl Samples {

@@ -85,7 +85,7 @@ use crate::vdb;
 pub use density::{RawGrid, Sample, density};
 pub(crate) use feed::Feed;
 pub(crate) use lattice::no_particles;
-pub use lattice::{Described, described_density};
+pub use lattice::{Described, absent, described_density, is_absent};
 pub(crate) use map::{map, map_in_pieces, open};
 pub use mesh::mesh;
 pub use picture::picture_texts;

@@ -24,7 +24,7 @@ use std::path::Path;
 use tyndall::{Error, Progress, Result};
 
 use self::file::{File, Header, Kind};
-use crate::read::{self as readers, Described, Packing};
+use crate::read::{self as readers, Described, Packing, absent};
 pub use file::Class;
 pub(crate) use file::recognise;
 pub use transform::Transform;
@@ -200,7 +200,7 @@ fn list(file: &File) -> String {
 fn named<'a>(file: &'a File, name: &str) -> Result<&'a Header> {
     let exactly = file.grids.iter().find(|it| it.name == name);
     let found = exactly.or_else(|| file.grids.iter().find(|it| it.name.eq_ignore_ascii_case(name)));
-    found.ok_or_else(|| Error::setting("grid", name, format!("the file has: {}", list(file))))
+    found.ok_or_else(|| absent(name, &format!("the file has: {}", list(file))))
 }
 
 fn transform_of(file: &File, header: &Header) -> Result<Transform> {

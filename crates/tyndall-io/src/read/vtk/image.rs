@@ -8,7 +8,7 @@ use tyndall::{Error, Result};
 use super::data::Array;
 use super::xml::Document;
 use super::{legacy, source};
-use crate::read::lattice::Samples;
+use crate::read::lattice::{self, Samples};
 
 /// An image, whose blocks lie side by side.
 #[derive(Debug)]
@@ -65,8 +65,11 @@ impl Image<'_> {
         let names: Vec<&str> = scalars.clone().map(|(it, _)| it.name.as_str()).collect();
         let chosen = scalars.find(|(it, _)| wanted.is_none_or(|wanted| it.name == wanted));
         let (chosen, of_cells) = chosen.ok_or_else(|| {
-            let wanted = wanted.map_or("an array of scalars".into(), |it| format!("array '{it}'"));
-            fault(format!("{wanted} was wanted; found: {}", names.join(", ")), "name one of them as array")
+            let found = format!("scalars of the file: {}", names.join(", "));
+            match wanted {
+                Some(wanted) => lattice::absent(wanted, &found),
+                None => fault("the image has no scalars".into(), "a density is an array of one component"),
+            }
         })?;
         let is_some = |size: &[usize; 3]| Samples::count(*size).is_some_and(|it| it > 0);
         let size = size_of(self.extent, of_cells).filter(is_some);
