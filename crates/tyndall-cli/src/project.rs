@@ -44,6 +44,9 @@ pub(crate) struct Project {
     /// The unit of the numbers, as text for the printed line and the file: "Msun/kpc^2"
     #[arg(long, value_name = "TEXT", default_value = "")]
     pub(crate) unit: String,
+    /// Integrate the kernels of the particles themselves, through no grid: maps are always made so, with this flag or without it
+    #[arg(long)]
+    pub(crate) exact_kernel: bool,
 }
 
 /// The quantity that is the particles' own density.
