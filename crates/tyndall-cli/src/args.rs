@@ -118,9 +118,8 @@ pub(crate) struct Input {
     /// The numbers of the files, if a pattern with a number named them: see [`crate::names`].
     #[arg(skip)]
     pub(crate) numbers: Option<Vec<usize>>,
-    /// Format, instead of recognising it: tyn lammps lammps-binary lammps-data poscar cfg imd xyz gro xtc trr dcd amber pdb cif bcif mmtf gsd gadget tipsy
-    /// hdf5 xdmf ply npy bgeo geo prt ptc pda mmpld vtk las e57 pcd pts ptx csv; parquet and arrow where the build has that feature
-    #[arg(long, value_name = "NAME")]
+    // The help names what the readers know.
+    #[arg(long, value_name = "NAME", help = format!("Format, instead of recognising it: {}", tyndall_io::read::format_names().join(" ")))]
     pub(crate) format: Option<String>,
     /// Names of the columns of a table, in order: id,type,x,y,z
     #[arg(long, value_name = "NAMES", value_delimiter = ',')]

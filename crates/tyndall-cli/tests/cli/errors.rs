@@ -16,6 +16,10 @@ fn an_unknown_format_names_what_was_seen() {
     folder.file("empty.xyz", "");
     folder.line("info empty.xyz").fails(3, &["the file is empty", "empty.xyz"]);
     folder.line("info --format doc foo.dat").fails(2, &["format cannot be 'doc'", "xyz"]);
+    let help = folder.line("convert --help").out;
+    for name in ["tyn", "lammps-binary", "usda", "csv"] {
+        assert!(help.split_whitespace().any(|it| it == name), "{name}: {help}");
+    }
     assert!(!folder.path("a.png").exists());
 }
 

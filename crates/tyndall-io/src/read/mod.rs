@@ -551,6 +551,11 @@ pub(crate) const FORMATS: &[Format] = &[
     },
 ];
 
+/// The names of all formats that are read, each of which may be [`Options::format`].
+pub fn format_names() -> Vec<&'static str> {
+    FORMATS.iter().map(|it| it.names[0]).collect()
+}
+
 /// The format of `path`, and how the file is compressed.
 pub(crate) fn recognise(path: &Path, options: &Options) -> Result<(&'static Format, Packing)> {
     let (head, packing) = head(path)?;
@@ -560,9 +565,8 @@ pub(crate) fn recognise(path: &Path, options: &Options) -> Result<(&'static Form
     }
     if let Some(name) = &options.format {
         let known = FORMATS.iter().find(|it| it.names.iter().any(|known| name.eq_ignore_ascii_case(known)));
-        let all: Vec<_> = FORMATS.iter().map(|it| it.names[0]).collect();
-        let format =
-            known.ok_or_else(|| Error::setting("format", name, format!("one of {}", all.join(", "))))?;
+        let allowed = || format!("one of {}", format_names().join(", "));
+        let format = known.ok_or_else(|| Error::setting("format", name, allowed()))?;
         return Ok((format, packing));
     }
     if let Some(format) = FORMATS.iter().find(|it| (it.recognise)(&head, path)) {
