@@ -83,6 +83,14 @@ impl Map {
         };
     }
 
+    /// The same for `bytes` of the content; does nothing if these are others.
+    #[cfg(feature = "hdf5")]
+    pub(crate) fn give_back(&self, bytes: &[u8]) {
+        if let Some(range) = self.range_of(bytes) {
+            self.release(range);
+        }
+    }
+
     /// Where `bytes` stand in the content, if they do.
     fn range_of(&self, bytes: &[u8]) -> Option<Range<usize>> {
         let start = (bytes.as_ptr() as usize).checked_sub(self.as_ptr() as usize)?;

@@ -1,21 +1,20 @@
 //! Rows of data sets to columns: runs of particles, one behind the other, each with inputs of its own.
 
 use std::ops::Range;
+use std::sync::{Condvar, Mutex, PoisonError};
 
 use glam::DVec3;
 use rayon::prelude::*;
 use tyndall::particles::{Columns, Values};
 use tyndall::{Error, Progress, Result};
 
-use super::tree::{NATIVE, Native, Rows, Tree};
+use super::tree::{BATCH_ROWS, NATIVE, Native, Rows, Tree};
 use crate::read::numbers::Kind;
 use crate::read::records::{Builder, ORIGIN_COUNT, Source};
 use crate::read::sections::{Column, common, with_gaps};
 
-/// Rows that a thread decodes at a time, if chunks do not make that more.
-const BATCH_ROWS: usize = 1 << 16;
-/// The most that chunks make it.
-const MOST_BATCH_ROWS: usize = 1 << 20;
+/// Bytes of chunks that all threads together unpack at a time; for large columns an eighth of these.
+const UNPACKED_BYTES: usize = 32 << 20;
 
 /// Where the values of a column come from.
 pub(super) enum Input {
@@ -46,6 +45,13 @@ pub(super) struct Run {
     pub(super) values: Vec<Input>,
 }
 
+impl Run {
+    /// The data sets that it reads.
+    fn rows(&self) -> Vec<&Rows> {
+        std::iter::once(&self.positions).chain(&self.values).flat_map(Input::rows).collect()
+    }
+}
+
 impl Input {
     /// The data sets that it reads.
     fn rows(&self) -> Vec<&Rows> {
@@ -61,6 +67,11 @@ impl Input {
         }
     }
 
+    /// The memory that a thread needs for its chunks.
+    fn working_bytes(&self) -> usize {
+        self.rows().iter().map(|it| it.working_bytes()).sum()
+    }
+
     /// The kind and number of its components, where it has values for each particle.
     fn shape(&self) -> Option<(Kind, usize)> {
         match self {
@@ -70,10 +81,13 @@ impl Input {
         }
     }
 
-    /// Some rows, a few whole chunks at a time: gives them to `fill` with their places among all that are asked for.
+    /// Some rows, a few at a time: gives them to `fill` with their places among all that are asked for.
     fn read_each(&self, rows: Range<usize>, mut fill: impl FnMut(Source, Range<usize>)) -> Result<()> {
         let Some((kind, width)) = self.shape() else { return Ok(()) };
-        let step = batch_rows(self.rows().iter().map(|it| it.chunk_rows).max().unwrap_or(0));
+        if let Self::Rows(data) = self {
+            return data.read_each(rows, |bytes, rows| fill(source(&bytes, kind, width), rows));
+        }
+        let step = batch_rows(&self.rows());
         for first in rows.clone().step_by(step) {
             let some = first..rows.end.min(first + step);
             let bytes = self.read(some.clone())?;
@@ -109,12 +123,42 @@ impl Input {
     }
 }
 
-/// Rows that are decoded at a time: whole chunks of so many rows, so that none is decoded twice.
-fn batch_rows(chunk: usize) -> usize {
-    match chunk {
-        0 => BATCH_ROWS,
-        chunk => chunk.saturating_mul(BATCH_ROWS.div_ceil(chunk)).min(MOST_BATCH_ROWS),
+/// Memory that threads share: who wants more than is left waits for the others.
+struct Room {
+    most: usize,
+    used: Mutex<usize>,
+    given_back: Condvar,
+}
+
+/// What a thread has of it.
+struct Held<'a>(&'a Room, usize);
+
+impl Room {
+    fn of(most: usize) -> Self {
+        Self { most, used: Mutex::new(0), given_back: Condvar::new() }
     }
+
+    /// Takes so many bytes, at once if nobody has any. Who holds some must not hold more, nor wait for other threads.
+    fn hold(&self, bytes: usize) -> Held<'_> {
+        let bytes = bytes.min(self.most);
+        let used = self.used.lock().unwrap_or_else(PoisonError::into_inner);
+        let is_full = |used: &mut usize| *used + bytes > self.most;
+        let mut used = self.given_back.wait_while(used, is_full).unwrap_or_else(PoisonError::into_inner);
+        *used += bytes;
+        Held(self, bytes)
+    }
+}
+
+impl Drop for Held<'_> {
+    fn drop(&mut self) {
+        *self.0.used.lock().unwrap_or_else(PoisonError::into_inner) -= self.1;
+        self.0.given_back.notify_all();
+    }
+}
+
+/// Rows that are read at a time of data sets beside each other.
+fn batch_rows(all: &[&Rows]) -> usize {
+    all.iter().map(|it| it.batch_rows()).max().unwrap_or(BATCH_ROWS)
 }
 
 fn source(bytes: &[u8], kind: Kind, width: usize) -> Source<'_> {
@@ -145,7 +189,7 @@ pub(super) fn gather(
     progress: &dyn Progress,
 ) -> Result<Columns> {
     for run in runs {
-        for rows in std::iter::once(&run.positions).chain(&run.values).flat_map(Input::rows) {
+        for rows in run.rows() {
             if rows.count != run.count {
                 let what = format!("{} rows stand beside {} positions", rows.count, run.count);
                 return Err(tree.fault(rows.path(), what, "was it written to its end?"));
@@ -170,13 +214,13 @@ pub(super) fn gather(
 
     let mut batches = Vec::new();
     for run in runs {
-        let inputs = std::iter::once(&run.positions).chain(&run.values);
-        let chunk = inputs.flat_map(Input::rows).map(|it| it.chunk_rows).max().unwrap_or(0);
-        let batch = batch_rows(chunk);
+        let batch = batch_rows(&run.rows());
         let starts = (0..run.count).step_by(batch);
         batches.extend(starts.map(|start| (run, start, batch.min(run.count - start))));
     }
     let rows: Vec<usize> = batches.iter().map(|it| it.2).collect();
+    let row: usize = columns.iter().zip(&kinds).map(|(it, kind)| it.components * kind.size()).sum();
+    let room = Room::of(UNPACKED_BYTES.max(count.saturating_mul(12 + row) / 8));
     let jobs: Vec<_> = batches.into_iter().zip(builder.split(&rows)).collect();
     jobs.into_par_iter().try_for_each(|((run, start, rows), mut slots)| {
         // Told column by column, so that the pages of what was read are given back early.
@@ -185,17 +229,20 @@ pub(super) fn gather(
         let tell = |place: usize| progress.advance((share(place + 1) - share(place)) as u64);
         let (axes, values) = slots.split_at_mut(3);
         let width = run.positions.shape().map_or(0, |it| it.1);
+        let held = room.hold(run.positions.working_bytes());
         run.positions.read_each(start..start + rows, |source, rows| {
             for (axis, slot) in axes.iter_mut().enumerate().take(width) {
                 slot.fill_from(&source.component(axis), 0, 1, rows.clone());
             }
         })?;
+        drop(held);
         axes.iter_mut().skip(width).for_each(|slot| slot.fill_constant(0.0, 1, 0..rows));
         tell(0);
         for (place, ((slot, input), column)) in values.iter_mut().zip(&run.values).zip(columns).enumerate() {
             if progress.cancelled() {
                 return Err(Error::Interrupted);
             }
+            let _held = room.hold(input.working_bytes());
             match input {
                 Input::All(number) => slot.fill_constant(*number, column.components, 0..rows),
                 Input::Missing => slot.fill_constant(f64::NAN, column.components, 0..rows),

@@ -35,6 +35,11 @@ pub(super) fn registry(chunk_bytes: Arc<AtomicU64>) -> FilterRegistry {
     registry
 }
 
+/// Whether it is one of those that are undone here.
+pub(super) fn is_ours(id: u16) -> bool {
+    [BZIP2, LZF, ZSTD].contains(&id)
+}
+
 /// What a filter that cannot be undone is called, by its number in The HDF Group's register.
 pub(super) fn name(id: &str) -> Option<&'static str> {
     Some(match id {

@@ -19,21 +19,25 @@ pub(super) struct Neighbors {
     files: Mutex<HashMap<PathBuf, Hdf5File>>,
     /// Bytes of all that were opened.
     bytes: Arc<AtomicU64>,
+    /// How often one was asked for.
+    links: Arc<AtomicU64>,
     /// See [`filters::registry`].
     chunk_bytes: Arc<AtomicU64>,
 }
 
 impl Neighbors {
-    /// Those of the file at `path`; adds to `bytes` what is opened.
-    pub(super) fn of(path: &Path, bytes: Arc<AtomicU64>, chunk_bytes: Arc<AtomicU64>) -> Self {
+    /// Those of the file at `path`. Adds to the first count the bytes of what is opened, to the second one for each link; the third is
+    /// that of [`filters::registry`].
+    pub(super) fn of(path: &Path, [bytes, links, chunk_bytes]: [Arc<AtomicU64>; 3]) -> Self {
         let folder = path.parent().filter(|it| !it.as_os_str().is_empty()).unwrap_or(Path::new("."));
-        Self { folder: folder.to_path_buf(), files: Mutex::default(), bytes, chunk_bytes }
+        Self { folder: folder.to_path_buf(), files: Mutex::default(), bytes, links, chunk_bytes }
     }
 }
 
 impl ExternalLinkResolver for Neighbors {
     /// The file of that name; none if there is no regular file, so that nobody waits for a pipe.
     fn resolve_external_link(&self, filename: &str) -> Result<Option<Hdf5File>> {
+        self.links.fetch_add(1, Relaxed);
         let stays = |it: Component| matches!(it, Component::Normal(_) | Component::CurDir);
         if !Path::new(filename).components().all(stays) {
             return Err(Error::InvalidData("an external link leads out of the file's folder".into()));

@@ -362,3 +362,47 @@ fn positions_in_three_dimensions_are_frames() {
     assert_eq!(particles.cell().unwrap().vectors[1], DVec3::Y * 3.5);
     assert!(frame.warnings.is_empty(), "{:?}", frame.warnings);
 }
+
+#[test]
+fn large_chunks_are_read_whatever_their_filters_and_index() {
+    for name in ["large_earliest.h5", "large_latest.h5"] {
+        let frame = open(name).frame(0, &()).unwrap();
+        let particles = &frame.particles;
+        assert_eq!(particles.len(), 150_000);
+        let value =
+            |name: &str, id: usize, component| particles.attribute(name).unwrap().number(id, component);
+        for id in [0, 1, 65_535, 65_536, 131_071, 131_072, 149_999] {
+            let step = |of: usize| (id / of) as f64;
+            assert_eq!(at(particles, id), [step(2500), 0.5 * step(3000), step(1000)], "{name}");
+            let found = ["last", "lzf", "single"].map(|name| value(name, id, 0));
+            assert_eq!(found, [step(640), step(4096) + 0.25, step(3000) - 1.0], "{name}");
+            let found = [0, 1].map(|it| [value("both", id, it), value("first", id, it)]);
+            assert_eq!(found, [[step(700), step(3200)], [step(500), step(900)]], "{name}");
+        }
+        assert!(frame.warnings.is_empty(), "{:?}", frame.warnings);
+    }
+}
+
+#[test]
+fn large_chunks_that_were_changed_are_told() {
+    let whole = std::fs::read(path("large_latest.h5")).unwrap();
+    let read = |bytes: &[u8]| {
+        let (path, options) = (Path::new("a.h5"), Options::default());
+        let request = Request { options: &options, bytes: None, units: None, topology: None, others: &() };
+        let span = index(path, bytes, &options)?.frames[0];
+        frame(path, bytes, span, &request, &())
+    };
+    assert_eq!(read(&whole).unwrap().particles.len(), 150_000);
+    // Nearly all bytes of the file are those of chunks.
+    let place = whole.len() / 3;
+    let damaged: Vec<Vec<u8>> = [place, 2 * place]
+        .into_iter()
+        .map(|place| {
+            let mut file = whole.clone();
+            file[place] ^= 0x55;
+            file
+        })
+        .collect();
+    assert!(damaged.iter().any(|it| read(it).is_err()));
+    assert!(read(&whole[..whole.len() / 2]).is_err());
+}

@@ -15,6 +15,7 @@ use hdf5_reader::{Dataset, Hdf5File, OpenOptions, SliceInfo, SliceInfoElem};
 use tyndall::{Error, Result};
 
 use super::attributes::{Attributes, number_kind};
+use super::chunks::{Chunks, Found, Known};
 use super::filters;
 use super::forms::Form;
 use super::neighbors::Neighbors;
@@ -32,6 +33,11 @@ const STRONGEST: u64 = 1032;
 /// Bytes of chunks that are kept: those that the rows of several threads share are unpacked once.
 const CACHE_BYTES: usize = 8 << 20;
 
+/// Rows that a thread decodes at a time, if chunks do not make that more.
+pub(super) const BATCH_ROWS: usize = 1 << 16;
+/// The most that chunks make it which the crate unpacks.
+const MOST_BATCH_ROWS: usize = 1 << 20;
+
 /// More numbers than this are no quantity of a particle.
 const MOST_WIDTH: u64 = 1 << 12;
 
@@ -48,8 +54,12 @@ pub(super) struct Tree {
     content: Arc<Content>,
     /// Bytes of the files that links led to.
     linked_bytes: Arc<AtomicU64>,
+    /// How many links to other files were followed.
+    links: Arc<AtomicU64>,
     /// Bytes of the largest chunk of all data sets so far.
     chunk_bytes: Arc<AtomicU64>,
+    /// For chunks that are unpacked here.
+    known: Arc<Known>,
 }
 
 /// The content, for the library beside us.
@@ -64,8 +74,9 @@ impl AsRef<[u8]> for Shared {
 impl Tree {
     /// Opens the content `bytes` of `path`.
     pub(super) fn open(path: &Path, bytes: &[u8]) -> Result<Self> {
-        let (linked_bytes, chunk_bytes) = (Arc::<AtomicU64>::default(), Arc::<AtomicU64>::default());
-        let neighbors = Neighbors::of(path, Arc::clone(&linked_bytes), Arc::clone(&chunk_bytes));
+        let [linked_bytes, links, chunk_bytes] = [(); 3].map(|()| Arc::<AtomicU64>::default());
+        let counts = [&linked_bytes, &links, &chunk_bytes].map(Arc::clone);
+        let neighbors = Neighbors::of(path, counts);
         let options = OpenOptions::default()
             .with_chunk_cache_bytes(CACHE_BYTES)
             .with_filter_registry(filters::registry(Arc::clone(&chunk_bytes)))
@@ -74,7 +85,9 @@ impl Tree {
         let file = Hdf5File::from_owner(Shared(Arc::clone(&content)), options);
         let (path, bytes) = (path.to_path_buf(), bytes.len() as u64);
         let file = file.map_err(|error| fault(&path, "", &error))?;
-        Ok(Self { file, path, bytes, content, linked_bytes, chunk_bytes })
+        let registry = filters::registry(Arc::clone(&chunk_bytes));
+        let known = Arc::new(Known { registry, content: Arc::clone(&content) });
+        Ok(Self { file, path, bytes, content, linked_bytes, links, chunk_bytes, known })
     }
 
     /// Its map, if it is mapped.
@@ -236,7 +249,10 @@ impl<'a> Group<'a> {
             return Ok(None);
         }
         let path = self.child(name);
+        let links = self.tree.links.load(Relaxed);
         let dataset = self.group.dataset(name).map_err(|error| fault(&self.tree.path, &path, &error))?;
+        let is_here = self.tree.links.load(Relaxed) == links;
+        let chunks = if is_here { Chunks::of(&self.group, &dataset, &self.tree.known) } else { None };
         let element = dataset.raw_element_size().unwrap_or(0) as u64;
         let chunk = dataset.chunks().unwrap_or_default();
         let bytes = chunk.iter().fold(element, |bytes, &it| bytes.saturating_mul(it.into()));
@@ -244,7 +260,7 @@ impl<'a> Group<'a> {
         // A chunk of no file has more bytes than the strongest filter could make of all of it.
         let most = most_bytes(file_bytes);
         self.tree.chunk_bytes.fetch_max(bytes.min(most), Relaxed);
-        Ok(Some(Data { dataset, path, file: self.tree.path.clone(), file_bytes }))
+        Ok(Some(Data { dataset, chunks, path, file: self.tree.path.clone(), file_bytes }))
     }
 
     /// Its attributes.
@@ -256,6 +272,7 @@ impl<'a> Group<'a> {
 /// A data set.
 pub(super) struct Data {
     dataset: Dataset,
+    chunks: Option<Chunks>,
     path: String,
     file: PathBuf,
     file_bytes: u64,
@@ -344,6 +361,9 @@ impl Data {
             return Ok(Err(format!("{width} numbers a row")));
         }
         let rows = self.rows(lead)?;
+        if rows.chunks.is_some() {
+            return Ok(Ok(rows));
+        }
         let first = rows.decode(0..rows.count.min(1));
         Ok(match first.err().and_then(|error| missing_filter(&error)) {
             Some(filter) => Err(format!("it needs {filter}")),
@@ -357,7 +377,7 @@ impl Data {
         let fault = |what: String| {
             Error::format(&self.file, &self.path, what, "was the file copied to its end? h5dump may say more")
         };
-        let (stored, _) =
+        let (stored, order) =
             number_kind(self.dataset.dtype()).ok_or_else(|| fault("these are no numbers".into()))?;
         let form = self.form();
         let shape = self.dataset.shape();
@@ -379,7 +399,14 @@ impl Data {
         let width = width.expect("it fits") as usize;
         let chunk_rows =
             self.dataset.chunks().and_then(|it| it.get(lead.len()).copied()).map_or(0, |it| it as usize);
+        let chunks = self.chunks.filter(|it| count > 0 && it.are_rows(lead.len())).and_then(|chunks| {
+            // What is wrong with them, the crate says.
+            let found = chunks.find(lead, 0..count as usize).ok().flatten()?;
+            Some(Box::new((chunks, found)))
+        });
         Ok(Rows {
+            chunks,
+            is_swapped: order != NATIVE,
             dataset: Box::new(self.dataset),
             path: self.path,
             file: self.file,
@@ -438,6 +465,10 @@ pub(super) struct Rows {
     pub(super) width: usize,
     /// Rows of a chunk; 0 if there are no chunks.
     pub(super) chunk_rows: usize,
+    /// Its chunks, if they are large.
+    chunks: Option<Box<(Chunks, Found)>>,
+    /// Whether its numbers are stored in the other order of bytes.
+    is_swapped: bool,
     /// All of it, where its type can only be read as a whole.
     whole: OnceLock<Vec<u8>>,
 }
@@ -462,7 +493,57 @@ impl Rows {
 
     /// Some of its rows.
     pub(super) fn read(&self, rows: Range<usize>) -> Result<Native> {
-        self.decode(rows).map_err(|error| fault(&self.file, &self.path, &error))
+        if self.chunks.is_none() {
+            return self.decode(rows).map_err(|error| fault(&self.file, &self.path, &error));
+        }
+        let mut all = Vec::with_capacity(rows.len() * self.width * self.kind.size());
+        self.read_each(rows, |numbers, _| all.extend_from_slice(&numbers))?;
+        Ok(Native::of(all))
+    }
+
+    /// Rows for which a thread has work: whole chunks, so that none is unpacked twice.
+    pub(super) fn batch_rows(&self) -> usize {
+        match self.chunk_rows {
+            0 => BATCH_ROWS,
+            rows if self.chunks.is_some() => rows.saturating_mul(BATCH_ROWS.div_ceil(rows)),
+            rows => rows.saturating_mul(BATCH_ROWS.div_ceil(rows)).min(MOST_BATCH_ROWS),
+        }
+    }
+
+    /// The memory that a thread needs for a chunk.
+    pub(super) fn working_bytes(&self) -> usize {
+        let row = self.width * self.stored.size();
+        // The crate has a chunk with its bytes shuffled and not, and rows of it.
+        if self.chunks.is_some() { self.chunk_rows * row } else { 3 * self.chunk_rows.saturating_mul(row) }
+    }
+
+    /// Gives some of its rows to `take`, in order and some at a time, with their places among `rows`.
+    pub(super) fn read_each(
+        &self,
+        rows: Range<usize>,
+        mut take: impl FnMut(Native, Range<usize>),
+    ) -> Result<()> {
+        let fault = |error: ReadError| fault(&self.file, &self.path, &error);
+        let Some((chunks, found)) = self.chunks.as_deref() else {
+            for first in rows.clone().step_by(self.batch_rows()) {
+                let some = first..rows.end.min(first + self.batch_rows());
+                let numbers = self.decode(some.clone()).map_err(fault)?;
+                take(numbers, some.start - rows.start..some.end - rows.start);
+            }
+            return Ok(());
+        };
+        let stored = self.first + rows.start..self.first + rows.end;
+        let each = chunks.read_each(found, stored, |mut numbers, rows| {
+            if self.is_swapped {
+                numbers.chunks_exact_mut(self.stored.size()).for_each(<[u8]>::reverse);
+            }
+            let numbers = match self.form {
+                Some(form) => form.apply(&numbers, self.stored.size()),
+                None => Native::of(numbers),
+            };
+            take(numbers, rows);
+        });
+        each.map_err(fault)
     }
 
     fn decode(&self, rows: Range<usize>) -> std::result::Result<Native, ReadError> {

@@ -333,6 +333,33 @@ def scaled():
         file["charge"].attrs["add_offset"] = 1.0
 
 
+def large():
+    """Chunks of more than 2^20 bytes, with the filters in every order that is common and the ways to find chunks that HDF5 has."""
+    count, rows = 150_000, 1 << 17
+    k = np.arange(count)
+    packed = dict(compression="gzip", compression_opts=9)
+    for version in ["earliest", "latest"]:
+        with h5py.File(f"large_{version}.h5", "w", libver=version) as file:
+            position = np.stack([k // 2500, k // 3000 * 0.5, k // 1000], axis=1)
+            file.create_dataset("position", data=position, chunks=(rows, 3), shuffle=True, **packed)
+            # Two dimensions without an end have a tree of the second version, one an array that grows.
+            file.create_dataset("last", data=(k // 640).astype(">f8"), chunks=(rows,), maxshape=(None,), fletcher32=True, **packed)
+            file.create_dataset("both", data=np.stack([k // 700, k // 500], axis=1), chunks=(rows, 2), maxshape=(None, None),
+                                fletcher32=True, shuffle=True, **packed)
+            file.create_dataset("lzf", data=k // 4096 + 0.25, chunks=(rows,), compression="lzf", shuffle=True)
+            file.create_dataset("single", data=k // 3000 - 1, chunks=(count,), **packed)
+            plist = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
+            plist.set_chunk((rows, 2))
+            plist.set_fletcher32()
+            plist.set_shuffle()
+            plist.set_deflate(9)
+            # What is behind the end of the last chunk is not 0: it is in the sum, too.
+            plist.set_fill_value(np.array(7, "f4"))
+            space = h5py.h5s.create_simple((count, 2))
+            data = h5py.h5d.create(file.id, b"first", h5py.h5t.IEEE_F32LE, space, plist)
+            data.write(h5py.h5s.ALL, h5py.h5s.ALL, np.stack([k // 3200, k // 900], axis=1).astype("f4"))
+
+
 swift("swift.hdf5", None)
 swift("swift_latest.hdf5", "latest")
 for number in [0, 1]:
@@ -350,3 +377,4 @@ forms()
 vtkhdf()
 frames()
 scaled()
+large()
