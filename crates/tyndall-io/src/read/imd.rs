@@ -1,9 +1,10 @@
 //! Configurations of IMD, the molecular dynamics program of ITAP (Stuttgart), as text; OVITO writes them too.
 //!
 //! Lines that begin with `#`: `#F A n t m p v d` says how many columns there are of a number, a type, a mass, coordinates, velocities and other
-//! data; `#C` names them all, `#X`, `#Y` and `#Z` are the edges of the box, `#E` ends them. Then an atom a row. Units are those of the
-//! simulation, which the file does not tell. Source: "The IMD user guide", configuration files.
+//! data; `#C` names them all, `#X`, `#Y` and `#Z` are the edges of the box, `#E` ends them. Then an atom a row, or binary: see
+//! `imd_binary.rs`. Units are those of the simulation, which the file does not tell. Source: "The IMD user guide", configuration files.
 
+use tyndall::particles::Cell;
 use tyndall::{Columns, DVec3, Progress, Result};
 
 use super::column::{Kind, Separator};
@@ -16,24 +17,34 @@ const HINT: &str = "compare it with the description of configuration files in IM
 /// More columns than this are a mistake, or an attack.
 const MOST_COLUMNS: usize = 1 << 12;
 
-/// Whether the file begins with a line of the format.
-pub(crate) fn recognise(head: &[u8]) -> bool {
+/// How the atoms are written, if the file begins with a line of the format: `A`, or a letter of a binary form.
+pub(super) fn form(head: &[u8]) -> Option<u8> {
     let line = head.split(|&byte| byte == b'\n').next().unwrap_or_default();
     let words: Vec<&[u8]> = line.split(u8::is_ascii_whitespace).filter(|it| !it.is_empty()).collect();
-    matches!(words[..], [b"#F", [b'A' | b'B' | b'L' | b'b' | b'l'], _, _, _, _, _, _])
+    match words[..] {
+        [b"#F", &[form @ (b'A' | b'B' | b'L' | b'b' | b'l')], _, _, _, _, _, _] => Some(form),
+        _ => None,
+    }
+}
+
+/// Whether the file begins with a line of the format, and has text.
+pub(crate) fn recognise(head: &[u8]) -> bool {
+    form(head) == Some(b'A')
 }
 
 /// What stands before the atoms.
-struct Header {
-    roles: Vec<Role>,
-    headings: Vec<Heading>,
+pub(super) struct Header {
+    /// The letter of the form of the atoms.
+    pub(super) form: char,
+    pub(super) roles: Vec<Role>,
+    pub(super) headings: Vec<Heading>,
     names: Vec<String>,
     edges: [Option<DVec3>; 3],
 }
 
 impl Header {
     /// Takes its lines.
-    fn read(feed: &mut Feed) -> Result<Self> {
+    pub(super) fn read(feed: &mut Feed) -> Result<Self> {
         let (mut counts, mut names, mut edges) = (None, Vec::new(), [None; 3]);
         loop {
             let Some(line) = feed.line()? else {
@@ -66,29 +77,47 @@ impl Header {
                 }
             }
         }
-        let counts = counts.ok_or_else(|| feed.fault("there is no line #F before #E", HINT))?;
+        let (form, counts) = counts.ok_or_else(|| feed.fault("there is no line #F before #E", HINT))?;
         let all: usize = counts.iter().sum();
         if !names.is_empty() && names.len() != all {
             let what = format!("#F tells {all} columns, #C has {} names", names.len());
             return Err(feed.fault(what, "let both tell the same columns"));
         }
         let (roles, headings) = columns(counts, &names);
-        Ok(Self { roles, headings, names, edges })
+        Ok(Self { form, roles, headings, names, edges })
     }
 
-    /// The numbers of columns of the line #F.
-    fn counts(words: &[&str]) -> std::result::Result<[usize; 6], (String, &'static str)> {
+    /// Whether there are two coordinates only.
+    fn is_flat(&self) -> bool {
+        !self.roles.contains(&Role::Axis(2))
+    }
+
+    /// The box.
+    pub(super) fn cell(&self) -> Option<Cell> {
+        let [Some(a), Some(b), c] = self.edges else { return None };
+        molecules::cell([a, b, c.unwrap_or(if self.is_flat() { DVec3::Z } else { DVec3::ZERO })])
+    }
+
+    /// What is to be told of the columns.
+    pub(super) fn conventions(&self) -> Vec<String> {
+        let names = (!self.names.is_empty()).then(|| format!("columns: {}", self.names.join(" ")));
+        let flat = self.is_flat().then(|| "two-dimensional: z = 0".to_string());
+        names.into_iter().chain(flat).collect()
+    }
+
+    /// The form and the numbers of columns of the line #F.
+    fn counts(words: &[&str]) -> std::result::Result<(char, [usize; 6]), (String, &'static str)> {
         let [form, counts @ ..] = words else { return Err(("#F is empty".into(), HINT)) };
-        if *form != "A" {
-            let what = format!("the atoms are binary (#F {form})");
-            return Err((what, "write them as text, #F A: without the parameter binary_output of IMD"));
-        }
+        let form = match form.as_bytes() {
+            [letter @ (b'A' | b'B' | b'L' | b'b' | b'l')] => char::from(*letter),
+            _ => return Err((format!("wanted #F with one of A, B, L, b and l, found '#F {form}'"), HINT)),
+        };
         let numbers: Vec<usize> = counts.iter().map_while(|it| it.parse().ok()).collect();
         match numbers[..] {
             [number @ 0..=1, kind @ 0..=1, mass @ 0..=1, places @ 2..=3, rates @ (0 | 2 | 3), others]
                 if others <= MOST_COLUMNS =>
             {
-                Ok([number, kind, mass, places, rates, others])
+                Ok((form, [number, kind, mass, places, rates, others]))
             }
             _ => Err((format!("wanted #F A n t m p v d, found '#F {}'", words.join(" ")), HINT)),
         }
@@ -122,35 +151,33 @@ fn columns(
     (roles, headings)
 }
 
+/// Takes the header of a text.
+fn text(feed: &mut Feed) -> Result<Header> {
+    let header = Header::read(feed)?;
+    if header.form == 'A' {
+        return Ok(header);
+    }
+    let what = format!("the atoms are binary (#F {})", header.form);
+    Err(feed.fault(what, "leave out --format, or say imd-binary"))
+}
+
 /// A file is one frame, and does not tell how many atoms it has: nothing has to be read to know that.
 pub(crate) fn index(feed: &mut Feed) -> Result<Index> {
-    Header::read(feed)?;
+    text(feed)?;
     Ok(Index { frames: vec![Span { offset: 0, line: 1, bytes: None }], ..Index::default() })
 }
 
 /// Reads the atoms.
 pub(crate) fn frame(feed: &mut Feed, request: &Request, progress: &dyn Progress) -> Result<Frame> {
-    let Header { roles, headings, names, edges } = Header::read(feed)?;
-    let is_flat = !roles.contains(&Role::Axis(2));
-    let cell = match edges {
-        [Some(a), Some(b), c] => {
-            molecules::cell([a, b, c.unwrap_or(if is_flat { DVec3::Z } else { DVec3::ZERO })])
-        }
-        _ => None,
-    };
+    let header = text(feed)?;
+    let (cell, conventions) = (header.cell(), header.conventions());
+    let Header { roles, headings, .. } = header;
     let origin = cell.map(|it| it.center()).filter(|it| it.is_finite());
     let mut layout =
         Layout { separator: Separator::BLANKS, roles, headings, scaled: None, gaps: true, origin };
     layout.keep(request.options.wanted.as_ref());
     let rows = rows::read(feed, &layout, None, request.bytes, progress)?;
     let warnings = table::cut(feed, rows.positions.len(), request)?.into_iter().collect();
-    let mut conventions = Vec::new();
-    if !names.is_empty() {
-        conventions.push(format!("columns: {}", names.join(" ")));
-    }
-    if is_flat {
-        conventions.push("two-dimensional: z = 0".to_string());
-    }
     let columns =
         Columns { positions: rows.positions, attributes: rows.attributes, cell, ..Columns::default() };
     finish(columns, conventions, warnings)

@@ -29,6 +29,7 @@ mod guard;
 #[cfg(feature = "hdf5")]
 mod hdf5;
 mod imd;
+mod imd_binary;
 mod lammps;
 mod lammps_binary;
 mod lammps_data;
@@ -313,6 +314,13 @@ pub(crate) const FORMATS: &[Format] = &[
         recognise: |head, _| imd::recognise(head),
         features: &[],
         open: Open::Text { index: imd::index, frame: imd::frame },
+    },
+    Format {
+        names: &["imd-binary"],
+        title: "IMD (binary)",
+        recognise: |head, _| imd_binary::recognise(head),
+        features: &[],
+        open: Open::Binary { index: imd_binary::index, frame: imd_binary::frame },
     },
     Format {
         names: &["ptx"],

@@ -63,6 +63,8 @@ def text():
     atoms = [(k + 1, k % 2, 1.5, *positions[k], *velocities[k], -k / 8) for k in range(COUNT)]
     write("atoms.imd", "#F A 1 1 1 3 3 1\n#C number type mass x y z vx vy vz Epot\n#X 10 0 0\n#Y 1 10 0\n#Z 0 0 10\n#E\n"
           + lines(atoms, "{} {} {} {:.4f} {:.4f} {:.4f} {:.3f} {:.3f} {:.3f} {}"))
+    write("binary.imd", b"#F b 1 1 1 3 3 1\n#C number type mass x y z vx vy vz Epot\n#X 10 0 0\n#Y 1 10 0\n#Z 0 0 10\n#E\n"
+          + b"".join(struct.pack(">2i8f", *atom) for atom in atoms))
     names, types = "position velocity mass particleId", "V V R I"
     write("maya.pda", f"ATTRIBUTES\n {names} \nTYPES\n {types} \nNUMBER_OF_PARTICLES: {COUNT}\nBEGIN DATA\n"
           + lines([(*positions[k], *velocities[k], 1.5, k) for k in range(COUNT)], " {:.4f} {:.4f} {:.4f} {:.3f} {:.3f} {:.3f} {} {} "))
