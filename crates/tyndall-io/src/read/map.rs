@@ -49,6 +49,12 @@ pub(crate) fn map(path: &Path) -> Result<Map> {
     Ok(Map { file: map, start })
 }
 
+/// The same for content that is no text, whatever it begins with.
+#[cfg(feature = "hdf5")]
+pub(crate) fn map_binary(path: &Path) -> Result<Map> {
+    Ok(Map { file: map_in_pieces(path)?, start: 0 })
+}
+
 /// Maps the whole of `path`, of which only some will be read.
 pub(crate) fn map_in_pieces(path: &Path) -> Result<Mmap> {
     let file = open(path)?;

@@ -1,15 +1,17 @@
 //! Rows of data sets to columns: runs of particles, one behind the other, each with inputs of its own.
 
 use std::ops::Range;
-use std::sync::{Condvar, Mutex, PoisonError};
+use std::path::Path;
+use std::sync::{Arc, Condvar, Mutex, PoisonError};
 
 use glam::DVec3;
 use rayon::prelude::*;
 use tyndall::particles::{Columns, Values};
 use tyndall::{Error, Progress, Result};
 
-use super::tree::{BATCH_ROWS, NATIVE, Native, Rows, Tree};
-use crate::read::numbers::Kind;
+use super::tree::{BATCH_ROWS, NATIVE, Native, Rows};
+use crate::read::content::Content;
+use crate::read::numbers::{Kind, Order};
 use crate::read::records::{Builder, ORIGIN_COUNT, Source};
 use crate::read::sections::{Column, common, with_gaps};
 
@@ -20,6 +22,8 @@ const UNPACKED_BYTES: usize = 32 << 20;
 pub(super) enum Input {
     /// The rows of a data set.
     Rows(Rows),
+    /// Numbers that are no data set.
+    Numbers(Numbers),
     /// For each component a sum, in double precision.
     Sums(Vec<Vec<Term>>),
     /// One number for all particles.
@@ -32,8 +36,38 @@ pub(super) enum Input {
 pub(super) enum Term {
     /// The rows of a data set with a number each, times a factor.
     Rows(Rows, f64),
+    /// Numbers that are no data set, one each, times a factor.
+    Numbers(Numbers, f64),
     /// A number.
     All(f64),
+}
+
+/// Numbers beside the data sets, a row a particle. Invariant: the content has them all.
+pub(super) struct Numbers {
+    pub(super) content: Arc<Content>,
+    pub(super) kind: Kind,
+    pub(super) order: Order,
+    /// Where they begin.
+    pub(super) start: usize,
+    /// How many rows there are, and numbers in each.
+    pub(super) count: usize,
+    pub(super) width: usize,
+}
+
+impl Numbers {
+    /// Those from a row on.
+    fn source(&self, row: usize) -> Source<'_> {
+        let (size, stride) = (self.kind.size(), self.width * self.kind.size());
+        let bytes = (*self.content).as_ref();
+        Source {
+            bytes,
+            kind: self.kind,
+            order: self.order,
+            start: self.start + row * stride,
+            stride,
+            step: size,
+        }
+    }
 }
 
 /// Particles that have their inputs in one place.
@@ -63,7 +97,7 @@ impl Input {
                     .filter_map(|term| if let Term::Rows(rows, _) = term { Some(rows) } else { None })
                     .collect()
             }
-            Self::All(_) | Self::Missing => Vec::new(),
+            Self::Numbers(_) | Self::All(_) | Self::Missing => Vec::new(),
         }
     }
 
@@ -76,6 +110,7 @@ impl Input {
     fn shape(&self) -> Option<(Kind, usize)> {
         match self {
             Self::Rows(rows) => Some((rows.kind, rows.width)),
+            Self::Numbers(numbers) => Some((numbers.kind, numbers.width)),
             Self::Sums(sums) => Some((Kind::F64, sums.len())),
             Self::All(_) | Self::Missing => None,
         }
@@ -84,8 +119,15 @@ impl Input {
     /// Some rows, a few at a time: gives them to `fill` with their places among all that are asked for.
     fn read_each(&self, rows: Range<usize>, mut fill: impl FnMut(Source, Range<usize>)) -> Result<()> {
         let Some((kind, width)) = self.shape() else { return Ok(()) };
-        if let Self::Rows(data) = self {
-            return data.read_each(rows, |bytes, rows| fill(source(&bytes, kind, width), rows));
+        match self {
+            Self::Rows(data) => {
+                return data.read_each(rows, |bytes, rows| fill(source(&bytes, kind, width), rows));
+            }
+            Self::Numbers(numbers) => {
+                fill(numbers.source(rows.start), 0..rows.len());
+                return Ok(());
+            }
+            Self::Sums(_) | Self::All(_) | Self::Missing => {}
         }
         let step = batch_rows(&self.rows());
         for first in rows.clone().step_by(step) {
@@ -101,7 +143,7 @@ impl Input {
         let sums = match self {
             Self::Rows(data) => return data.read(rows),
             Self::Sums(sums) => sums,
-            Self::All(_) | Self::Missing => return Ok(Native::of(Vec::<u8>::new())),
+            Self::Numbers(_) | Self::All(_) | Self::Missing => return Ok(Native::of(Vec::<u8>::new())),
         };
         let mut values = vec![0.0; rows.len() * sums.len()];
         for (component, terms) in sums.iter().enumerate() {
@@ -109,6 +151,12 @@ impl Input {
             for term in terms {
                 match term {
                     Term::All(number) => mine().for_each(|place| values[place] += number),
+                    Term::Numbers(numbers, factor) => {
+                        let source = numbers.source(rows.start);
+                        for (row, place) in mine().enumerate() {
+                            values[place] += factor * source.number(row);
+                        }
+                    }
                     Term::Rows(data, factor) => {
                         let bytes = data.read(rows.clone())?;
                         let source = source(&bytes, data.kind, data.width);
@@ -179,9 +227,9 @@ fn kind(column: usize, runs: &[Run]) -> Kind {
     if gaps { with_gaps(kind) } else { kind }
 }
 
-/// Brings the runs into columns, and advances `progress` by `total_bytes` over it. `middle`, the cell's, is the origin if known.
+/// Brings the runs into columns, for the file at `path`, and advances `progress` by `total_bytes` over it. `middle`, the cell's, is the origin if known.
 pub(super) fn gather(
-    tree: &Tree,
+    path: &Path,
     columns: &[Column],
     runs: &[Run],
     middle: Option<DVec3>,
@@ -192,14 +240,14 @@ pub(super) fn gather(
         for rows in run.rows() {
             if rows.count != run.count {
                 let what = format!("{} rows stand beside {} positions", rows.count, run.count);
-                return Err(tree.fault(rows.path(), what, "was it written to its end?"));
+                return Err(Error::format(path, rows.path(), what, "was it written to its end?"));
             }
         }
         for (input, column) in run.values.iter().zip(columns) {
             if input.shape().is_some_and(|(_, width)| width != column.components) {
                 let what =
                     format!("'{}' does not have {} components everywhere", column.name, column.components);
-                return Err(tree.fault("", what, "was the file written by one program?"));
+                return Err(Error::format(path, "", what, "was the file written by one program?"));
             }
         }
     }
@@ -280,7 +328,10 @@ fn head(runs: &[Run]) -> Result<Vec<DVec3>> {
     let rows = run.count.min(ORIGIN_COUNT);
     let (kind, width) = run.positions.shape().unwrap_or((Kind::F64, 0));
     let bytes = run.positions.read(0..rows)?;
-    let source = source(&bytes, kind, width);
+    let source = match &run.positions {
+        Input::Numbers(numbers) => numbers.source(0),
+        _ => source(&bytes, kind, width),
+    };
     let coordinate = |row, axis| if axis < width { source.component(axis).number(row) } else { 0.0 };
     Ok((0..rows).map(|row| DVec3::from_array(std::array::from_fn(|axis| coordinate(row, axis)))).collect())
 }

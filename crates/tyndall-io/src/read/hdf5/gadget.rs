@@ -192,7 +192,7 @@ pub(super) fn frame(tree: &Tree, options: &Options, progress: &dyn Progress) -> 
     let middle = cell.map(|it| it.center());
     let others = trees.iter().filter(|it| !std::ptr::eq(**it, tree));
     let progress = &map::released(others.filter_map(|it| it.map()), progress);
-    let mut gathered = columns::gather(tree, &columns, &runs, middle, total, progress)?;
+    let mut gathered = columns::gather(tree.path(), &columns, &runs, middle, total, progress)?;
     let names: Vec<(String, usize)> = parts.iter().map(|part| (name(part.kind), part.count)).collect();
     let types = snapshot::type_attribute(names.iter().map(|(name, count)| (name.as_str(), *count)));
     gathered.attributes.insert(0, types);

@@ -192,7 +192,7 @@ pub(super) fn frame(tree: &Tree, frame: usize, options: &Options, progress: &dyn
     let cell = cell(&group, frame, step)?;
     let run = Run { count, positions: Input::Rows(rows), values };
     let middle = cell.map(|it| it.center());
-    let mut gathered = columns::gather(tree, &columns, &[run], middle, tree.bytes(), progress)?;
+    let mut gathered = columns::gather(tree.path(), &columns, &[run], middle, tree.bytes(), progress)?;
     for (attribute, names) in gathered.attributes.iter_mut().zip(words).filter(|it| !it.1.is_empty()) {
         spell_out(attribute, &names);
     }

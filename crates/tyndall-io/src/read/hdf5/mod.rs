@@ -13,6 +13,7 @@ mod filters;
 mod forms;
 mod gadget;
 mod h5md;
+mod items;
 mod neighbors;
 mod openpmd;
 mod plain;

@@ -138,7 +138,7 @@ pub(super) fn frame(tree: &Tree, number: usize, options: &Options, progress: &dy
     let flags = sections::flags(&columns, options.wanted.as_ref());
     let columns = sections::flagged(columns, &flags);
     let runs = chosen.iter().map(|it| run(tree, &it.1, &columns)).collect::<Result<Vec<_>>>()?;
-    let mut gathered = columns::gather(tree, &columns, &runs, None, tree.bytes(), progress)?;
+    let mut gathered = columns::gather(tree.path(), &columns, &runs, None, tree.bytes(), progress)?;
     if all.len() > 1 {
         let kinds = chosen.iter().zip(&runs).map(|(species, run)| (species.0.as_str(), run.count));
         gathered.attributes.insert(0, snapshot::type_attribute(kinds));

@@ -297,7 +297,7 @@ pub(super) fn frame(tree: &Tree, number: usize, options: &Options, progress: &dy
     let flags = sections::flags(&columns, options.wanted.as_ref());
     let (columns, values) = (sections::flagged(columns, &flags), sections::flagged(values, &flags));
     let run = Run { count, positions, values };
-    let mut gathered = columns::gather(tree, &columns, &[run], None, tree.bytes(), progress)?;
+    let mut gathered = columns::gather(tree.path(), &columns, &[run], None, tree.bytes(), progress)?;
     if let Some(scale) = scale {
         gathered.positions = scaled(&gathered.positions, scale);
     }

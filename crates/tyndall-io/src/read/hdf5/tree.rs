@@ -39,7 +39,7 @@ pub(super) const BATCH_ROWS: usize = 1 << 16;
 const MOST_BATCH_ROWS: usize = 1 << 20;
 
 /// More numbers than this are no quantity of a particle.
-const MOST_WIDTH: u64 = 1 << 12;
+pub(super) const MOST_WIDTH: u64 = 1 << 12;
 
 /// The most bytes that a data set in files of that size can have.
 fn most_bytes(file_bytes: u64) -> u64 {

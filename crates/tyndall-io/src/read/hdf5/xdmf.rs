@@ -1,17 +1,21 @@
-//! XDMF: XML that says which data sets of HDF5 files are the points of a grid, what they have, and which grids are steps in time.
+//! XDMF: XML that says which arrays are the points of a grid, what they have, and which grids are steps in time.
 //!
-//! A uniform grid has a geometry (`XYZ`, `XY`, `X_Y_Z` or `X_Y`) and attributes, each a `DataItem` of the form `file.h5:/path`. A
-//! temporal collection has a frame for each grid in it; grids that stand beside each other, or in a spatial collection, are one frame. A grid
-//! without a geometry of its own has that of the first step, or the first one of the file, from where writers include it. Meshes count by their points. Numbers in the XML
-//! itself or in binary files are not read. Source: xdmf.org, "XDMF Model and Format".
+//! A uniform grid has a geometry (`XYZ`, `XY`, `X_Y_Z` or `X_Y`) and attributes, each a `DataItem`: a data set of an HDF5 file, `file.h5:/path`, or
+//! numbers in the XML or in a binary file (`items.rs`). A temporal collection has a frame for each grid in it; grids that stand beside each other, or in
+//! a spatial collection, are one frame. A grid without a geometry of its own has that of the first step, or the first one of the file, from where writers
+//! include it. Meshes count by their points. Source: xdmf.org, "XDMF Model and Format".
 
 use std::collections::BTreeMap;
+use std::collections::btree_map::Entry;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use tyndall::{Error, Progress, Result};
 
-use super::columns::{self, Input, Run, Term};
-use super::tree::{Data, Tree};
+use super::columns::{self, Input, Numbers, Run, Term};
+use super::items;
+use super::tree::{Data, Rows, Tree};
+use crate::read::content::Content;
 use crate::read::sections::{self, Column};
 use crate::read::vtk::{Node, beside, elements};
 use crate::read::{Index, Request, Span, content, map, records};
@@ -93,30 +97,98 @@ pub(crate) fn index(path: &Path, bytes: &[u8], _: &Options) -> Result<Index> {
     Ok(Index { frames: (1..=count).map(span).collect(), title: Some("XDMF".into()), ..Index::default() })
 }
 
-/// The HDF5 files, each opened once.
+/// The files that it names, each opened once.
 struct Files<'a> {
     path: &'a Path,
     trees: BTreeMap<PathBuf, Tree>,
+    binaries: BTreeMap<PathBuf, Arc<Content>>,
+}
+
+/// The array of a `DataItem`.
+enum Array {
+    Data(Data),
+    Numbers(Numbers),
+}
+
+/// Its rows, a point each.
+enum Points {
+    Rows(Rows),
+    Numbers(Numbers),
+}
+
+impl Points {
+    /// How many there are, and the numbers in each.
+    fn shape(&self) -> (usize, usize) {
+        match self {
+            Self::Rows(rows) => (rows.count, rows.width),
+            Self::Numbers(numbers) => (numbers.count, numbers.width),
+        }
+    }
+
+    /// The same with `width` numbers a point, if they stand in one row now.
+    fn in_rows_of(self, width: usize) -> Self {
+        match self {
+            Self::Numbers(it) if it.width == 1 && it.count % width == 0 => {
+                Self::Numbers(Numbers { count: it.count / width, width, ..it })
+            }
+            other => other,
+        }
+    }
+
+    fn input(self) -> Input {
+        match self {
+            Self::Rows(rows) => Input::Rows(rows),
+            Self::Numbers(numbers) => Input::Numbers(numbers),
+        }
+    }
+
+    fn term(self) -> Vec<Term> {
+        match self {
+            Self::Rows(rows) => vec![Term::Rows(rows, 1.0)],
+            Self::Numbers(numbers) => vec![Term::Numbers(numbers, 1.0)],
+        }
+    }
 }
 
 impl Files<'_> {
-    /// The data set of a `DataItem`; or why it is not read.
-    fn dataset(&mut self, item: &Node) -> Result<std::result::Result<Data, String>> {
+    /// The array of a `DataItem`; or why it is not read.
+    fn array(&mut self, item: &Node) -> Result<std::result::Result<Array, String>> {
         if let Some(kind) = item.get("ItemType").filter(|it| *it != "Uniform") {
             return Ok(Err(format!("its DataItem is a {kind}")));
         }
-        match item.get("Format") {
-            Some(format) if format.eq_ignore_ascii_case("HDF") || format.eq_ignore_ascii_case("HDF5") => {}
-            Some(format) => return Ok(Err(format!("its numbers have the format {format}"))),
-            None => return Ok(Err("its DataItem has no format".into())),
+        if item.get("Reference").is_some() {
+            return Ok(Err("its DataItem refers to another one".into()));
         }
+        match item.get("Format").unwrap_or("XML").to_ascii_uppercase().as_str() {
+            "XML" => Ok(items::text(item).map(Array::Numbers)),
+            "BINARY" => self.binary(item),
+            "HDF" | "HDF5" => self.dataset(item),
+            format => Ok(Err(format!("its numbers have the format {format}"))),
+        }
+    }
+
+    /// That in a binary file.
+    fn binary(&mut self, item: &Node) -> Result<std::result::Result<Array, String>> {
+        let file = beside(self.path, item.text().trim());
+        let content = match self.binaries.entry(file) {
+            Entry::Occupied(entry) => entry.into_mut(),
+            Entry::Vacant(entry) => {
+                let content = Arc::new(Content::Mapped(map::map_binary(entry.key())?));
+                entry.insert(content)
+            }
+        };
+        Ok(items::binary(item, Arc::clone(content)).map(Array::Numbers))
+    }
+
+    /// That in a data set.
+    fn dataset(&mut self, item: &Node) -> Result<std::result::Result<Array, String>> {
         let Some((file, place)) = item.text().rsplit_once(':') else {
             return Ok(Err(format!("'{}' is no FILE:/PATH", item.text())));
         };
         let file = beside(self.path, file);
         let tree = match self.trees.entry(file) {
-            std::collections::btree_map::Entry::Occupied(entry) => entry.into_mut(),
-            std::collections::btree_map::Entry::Vacant(entry) => {
+            Entry::Occupied(entry) => entry.into_mut(),
+            Entry::Vacant(entry) => {
                 let content = content::content(entry.key())?;
                 let tree = Tree::open(entry.key(), content.as_ref())?;
                 entry.insert(tree)
@@ -129,7 +201,7 @@ impl Files<'_> {
         };
         let there =
             data.ok_or_else(|| tree.fault(place, "there is no such data set", "was the file changed?"))?;
-        Ok(if there.is_number() { Ok(there) } else { Err("these are no numbers".into()) })
+        Ok(if there.is_number() { Ok(Array::Data(there)) } else { Err("these are no numbers".into()) })
     }
 
     /// The positions that a geometry tells, and how many there are.
@@ -148,20 +220,50 @@ impl Files<'_> {
         if items.len() != wanted {
             return Err(wrong(format!("{kind} wants {wanted} DataItems, {} are there", items.len())));
         }
+        let width = if wanted > 1 { 1 } else { kind.len() };
         let mut all = Vec::new();
         for item in items {
-            all.push(self.dataset(item)?.map_err(wrong)?.rows(&[])?);
+            let points = match self.array(item)?.map_err(wrong)? {
+                Array::Data(data) => Points::Rows(data.rows(&[])?),
+                Array::Numbers(numbers) => Points::Numbers(numbers).in_rows_of(width),
+            };
+            all.push(points);
         }
-        let count = all[0].count;
-        let width = if wanted > 1 { 1 } else { kind.len() };
-        if let Some(rows) = all.iter().find(|it| it.width != width) {
-            return Err(wrong(format!("{kind} wants rows of {width}, {} has {}", rows.path(), rows.width)));
+        let count = all[0].shape().0;
+        if let Some(other) = all.iter().map(Points::shape).find(|it| *it != (count, width)) {
+            let what =
+                format!("{kind} wants {count} rows of {width}, a DataItem has {} of {}", other.0, other.1);
+            return Err(wrong(what));
         }
         let positions = match all.pop() {
-            Some(rows) if all.is_empty() => Input::Rows(rows),
-            last => Input::Sums(all.into_iter().chain(last).map(|it| vec![Term::Rows(it, 1.0)]).collect()),
+            Some(points) if all.is_empty() => points.input(),
+            last => Input::Sums(all.into_iter().chain(last).map(Points::term).collect()),
         };
         Ok((positions, count))
+    }
+
+    /// The values that an attribute has for `count` points; or why they are not read.
+    fn values(&mut self, attribute: &Node, count: usize) -> Result<std::result::Result<Points, String>> {
+        let Some(item) = attribute.child("DataItem") else { return Ok(Err("it has no DataItem".into())) };
+        let points = match self.array(item)? {
+            Ok(Array::Data(data)) => data.quantity(&[])?.map(Points::Rows),
+            Ok(Array::Numbers(numbers)) => Ok(Points::Numbers(numbers)),
+            Err(why) => Err(why),
+        };
+        let width = match attribute.get("AttributeType") {
+            Some("Vector") => 3,
+            Some("Tensor6") => 6,
+            Some("Tensor") => 9,
+            _ => 1,
+        };
+        Ok(points.and_then(|points| {
+            let is_flat = points.shape() == (count.saturating_mul(width), 1);
+            let points = if is_flat { points.in_rows_of(width) } else { points };
+            match points.shape().0 {
+                rows if rows == count => Ok(points),
+                rows => Err(format!("{rows} rows for {count} points")),
+            }
+        }))
     }
 }
 
@@ -184,7 +286,7 @@ pub(crate) fn frame(
     let all = steps(path, &root)?;
     let changed = || Error::format(path, "", "there are fewer steps than before", "was the file changed?");
     let step = all.get((span.line as usize).wrapping_sub(1)).ok_or_else(changed)?;
-    let mut files = Files { path, trees: BTreeMap::new() };
+    let mut files = Files { path, trees: BTreeMap::new(), binaries: BTreeMap::new() };
     let (mut columns, mut pieces, mut warnings) = (Vec::<Column>::new(), Vec::new(), Vec::new());
     let mut is_borrowed = false;
     for (place, grid) in step.grids.iter().enumerate() {
@@ -199,23 +301,12 @@ pub(crate) fn frame(
         let mut values = BTreeMap::new();
         for attribute in grid.children.iter().filter(|it| it.name == "Attribute") {
             let name = attribute.get("Name").unwrap_or("unnamed").to_string();
-            let found = match attribute.child("DataItem") {
-                Some(item) => files.dataset(item)?,
-                None => Err("it has no DataItem".into()),
-            };
-            let rows = match found {
-                Ok(data) => data.quantity(&[])?,
-                Err(why) => Err(why),
-            };
-            match rows {
-                Ok(rows) if rows.count == count => {
+            match files.values(attribute, count)? {
+                Ok(points) => {
                     if !columns.iter().any(|it| it.name == name) {
-                        columns.push(Column::new(name.clone(), rows.width));
+                        columns.push(Column::new(name.clone(), points.shape().1));
                     }
-                    values.insert(name, Input::Rows(rows));
-                }
-                Ok(rows) => {
-                    warnings.push(format!("left out: {name} ({} rows for {count} points)", rows.count))
+                    values.insert(name, points.input());
                 }
                 Err(why) => warnings.push(format!("left out: {name} ({why})")),
             }
@@ -232,11 +323,14 @@ pub(crate) fn frame(
             Run { count: it.count, values: values.collect(), positions: it.positions }
         })
         .collect();
-    let total = files.trees.values().map(Tree::bytes).sum();
+    let maps = || {
+        let binaries = files.binaries.values().filter_map(|it| it.map());
+        files.trees.values().filter_map(Tree::map).chain(binaries)
+    };
+    let total = (bytes.len() + maps().map(|it| it.len()).sum::<usize>()) as u64;
     progress.begin("read", Some(total), "B");
-    let progress = &map::released(files.trees.values().filter_map(Tree::map), progress);
-    let tree = files.trees.values().next().ok_or_else(changed)?;
-    let mut gathered = columns::gather(tree, &columns, &runs, None, total, progress)?;
+    let progress = &map::released(maps(), progress);
+    let mut gathered = columns::gather(path, &columns, &runs, None, total, progress)?;
     gathered.time = step.time;
     let mut conventions = Vec::new();
     if is_borrowed {
@@ -332,7 +426,8 @@ mod tests {
     fn what_is_not_read_is_said() {
         let rows = format!("<Geometry>{ITEM}step_0/position</DataItem></Geometry>");
         let message = |text: String| read(&text).err().unwrap().to_string();
-        assert!(message(grid(&rows.replace("HDF", "XML"), "")).contains("format XML"));
+        assert!(message(grid(&rows.replace("HDF", "TIFF"), "")).contains("format TIFF"));
+        assert!(message(grid(&rows.replace("HDF", "XML"), "")).contains("a number was wanted, 'series_xdmf"));
         assert!(message(grid(&rows.replace("step_0", "step_7"), "")).contains("no such data set"));
         assert!(
             message(grid(&rows.replace("<Geometry>", "<Geometry Type=\"ORIGIN_DXDYDZ\">"), ""))
@@ -348,5 +443,89 @@ mod tests {
             frame.warnings,
             ["left out: a (1 rows for 4 points)", "left out: b (its DataItem is a Function)"]
         );
+    }
+
+    /// Positions `k, 2, 3` and what else is said of three points, in the XML.
+    const POINTS: &str = "<Geometry GeometryType=\"XYZ\"><DataItem Dimensions=\"3 3\">0 2 3\n 1 2 3\t2 2 3</DataItem></Geometry>";
+
+    fn attribute(name: &str, item: &str, numbers: &str) -> String {
+        format!(
+            "<Attribute Name=\"{name}\" AttributeType=\"Vector\"><DataItem {item}>{numbers}</DataItem></Attribute>"
+        )
+    }
+
+    #[test]
+    fn numbers_may_stand_in_the_xml() {
+        let flat = POINTS.replace("3 3", "9").replace("XYZ", "xyz");
+        let axes = "<Geometry Type=\"X_Y\"><DataItem Dimensions=\"3\" Format=\"XML\" Precision=\"8\">0 1 2</DataItem>\
+                    <DataItem Dimensions=\"3\" NumberType=\"Int\">2 2 2</DataItem></Geometry>";
+        for (geometry, depth) in [(POINTS, 3.0), (&flat, 3.0), (axes, 0.0)] {
+            let attributes =
+                attribute("id", "Dimensions=\"3 1\" NumberType=\"UInt\" Precision=\"8\"", "7 8 9000000000")
+                    + &attribute("v", "Dimensions=\"9\" Format=\"XML\"", "1 2 3 4 5 6 7 8 9.5e-1");
+            let frame = read(&grid(geometry, &attributes)).unwrap().remove(0);
+            let particles = &frame.particles;
+            assert_eq!((particles.len(), at(particles, 2)), (3, [2.0, 2.0, depth]));
+            assert_eq!(particles.attribute("id").unwrap().number(2, 0), 9e9);
+            let velocity = particles.attribute("v").unwrap();
+            assert_eq!((velocity.components, velocity.number(2, 2)), (3, f64::from(0.95f32)));
+            assert!(frame.warnings.is_empty(), "{:?}", frame.warnings);
+        }
+        let none = POINTS.replace("3 3", "0 3").replace("0 2 3\n 1 2 3\t2 2 3", " ");
+        assert_eq!(read(&grid(&none, "")).unwrap()[0].particles.len(), 0);
+    }
+
+    #[test]
+    fn numbers_may_stand_in_binary_files() {
+        let place = tempfile::tempdir().unwrap();
+        let mut file = vec![0xef, 0xbb, 0xbf];
+        file.extend((0..9).flat_map(|it| (f64::from(it) / 2.0).to_be_bytes()));
+        file.extend([-1i16, 2, 300].into_iter().flat_map(i16::to_le_bytes));
+        std::fs::write(place.path().join("a.bin"), &file).unwrap();
+        let item = |what: &str| format!("<DataItem Format=\"Binary\" {what}>\n a.bin \n</DataItem>");
+        let rows = item("Dimensions=\"3 3\" NumberType=\"Float\" Precision=\"8\" Endian=\"Big\" Seek=\"3\"");
+        let read = |attribute: &str| {
+            let kind = format!("<Attribute Name=\"kind\">{}</Attribute>", item(attribute));
+            let path = place.path().join("a.xmf");
+            std::fs::write(&path, grid(&format!("<Geometry>{rows}</Geometry>"), &kind)).unwrap();
+            Sequence::open(&[path], &Options::default(), &()).unwrap().frame(0, &())
+        };
+        let short = "Dimensions=\"3\" NumberType=\"Short\" Endian=\"Little\"";
+        let frame = read(&format!("{short} Seek=\"75\"")).unwrap();
+        assert_eq!(at(&frame.particles, 2), [3.0, 3.5, 4.0]);
+        let kind = frame.particles.attribute("kind").unwrap();
+        assert_eq!([0, 1, 2].map(|id| kind.number(id, 0)), [-1.0, 2.0, 300.0]);
+        // What a hostile or damaged file says.
+        let left_out = |attribute: &str| read(attribute).unwrap().warnings.concat();
+        assert!(left_out(&format!("{short} Seek=\"76\"")).contains("more than a file of 81 bytes has"));
+        assert!(left_out(&format!("{short} Seek=\"18446744073709551615\"")).contains("more than a file"));
+        assert!(left_out(&format!("{short} Seek=\"-1\"")).contains("Seek is '-1'"));
+        assert!(left_out(&short.replace("Little", "Middle")).contains("no order of bytes 'middle'"));
+        assert!(
+            left_out(&short.replace("Short", "Float\" Precision=\"16")).contains("type Float of 16 bytes")
+        );
+        assert!(left_out(&format!("{short} Compression=\"Zlib\"")).contains("compressed: Zlib"));
+        for wrong in ["9223372036854775807 4", "4 99999999", "-3", "", "3 0"] {
+            let told = left_out(&short.replace("\"3\"", &format!("\"{wrong}\"")));
+            assert!(told.contains("Dimensions are"), "{wrong}: {told}");
+        }
+        assert!(left_out(&short.replace("\"3\"", "\"9223372036854775807\"")).contains("more than a file"));
+        assert!(left_out("").contains("no Dimensions"));
+        std::fs::remove_file(place.path().join("a.bin")).unwrap();
+        assert!(read(short).unwrap_err().to_string().contains("a.bin"));
+    }
+
+    #[test]
+    fn damage_never_panics() {
+        let attributes =
+            attribute("v", "Dimensions=\"3 3\" NumberType=\"Int\" Format=\"XML\"", "1 2 3 4 5 6 7 8 9");
+        let text = grid(POINTS, &attributes);
+        crate::read::real_data::damage_some(text.as_bytes(), |file| {
+            drop(read(&String::from_utf8_lossy(file)))
+        });
+        for wrong in ["4 3", "3 4", "2 3", "99999999999 3"] {
+            let message = read(&text.replacen("3 3", wrong, 1)).err().unwrap().to_string();
+            assert!(message.contains("numbers were wanted") || message.contains("wants 3 rows"), "{message}");
+        }
     }
 }

@@ -275,7 +275,7 @@ impl<'a> Stream<'a> {
 }
 
 /// The bytes, little-endian, of `count` numbers of a text.
-fn parse(text: &[u8], kind: Kind, count: usize) -> std::result::Result<Vec<u8>, String> {
+pub(in crate::read) fn parse(text: &[u8], kind: Kind, count: usize) -> std::result::Result<Vec<u8>, String> {
     let mut slices = Vec::new();
     let mut rest = text;
     while rest.len() > SLICE {

@@ -21,6 +21,8 @@ use tyndall::particles::{Attribute, Columns, Positions, Values};
 use tyndall::{Error, Progress, Result};
 
 use self::data::Array;
+#[cfg(feature = "hdf5")]
+pub(super) use self::data::parse as numbers;
 pub(crate) use self::image::image;
 use self::list::Step;
 #[cfg(feature = "hdf5")]
