@@ -1,7 +1,8 @@
-//! Tables: rows of numbers and words, separated by commas, semicolons, tabs or blanks, with or without a header.
+//! Tables: rows of numbers and words, separated by commas, semicolons, tabs, bars or blanks, with or without a header.
 //!
-//! Takes the text, gives columns by name. Lines that begin with `#` are comments, but the one that stands before the first
-//! row and has as many names as the row has values is the header. Without a header the first columns are x, y, z.
+//! Takes the text, gives columns by name. Lines that begin with `#` are comments, before the first row also those with `%`, `!` or `//`, but
+//! the one that stands before the first row and has as many names as the row has values is the header. Without a header the first
+//! columns are x, y, z.
 
 use std::path::Path;
 
@@ -116,7 +117,8 @@ fn shape(head: &[u8]) -> Option<Shape> {
     }
     let lines: Vec<&[u8]> =
         whole_lines(head).map(<[u8]>::trim_ascii).filter(|line| !line.is_empty()).take(100).collect();
-    let (comments, mut body): (Vec<&[u8]>, Vec<&[u8]>) = lines.iter().partition(|line| line[0] == b'#');
+    let (comments, mut body): (Vec<&[u8]>, Vec<&[u8]>) =
+        lines.iter().partition(|line| comment(line).is_some());
     let first = *body.first()?;
     // The last line may not be whole: its reader will judge it.
     if body.len() > 2 && !head.ends_with(b"\n") {
@@ -159,9 +161,15 @@ fn text(token: &[u8]) -> String {
     String::from_utf8_lossy(token).trim().trim_matches('"').trim().to_string()
 }
 
+/// What a comment says; `None` for other lines.
+fn comment(line: &[u8]) -> Option<&[u8]> {
+    let line = line.trim_ascii_start();
+    ["#", "%", "!", "//"].iter().find_map(|mark| line.strip_prefix(mark.as_bytes()))
+}
+
 /// The names in a comment, if there are as many as columns.
 fn comment_names(line: &[u8], separator: Separator, fields: usize) -> Option<Vec<String>> {
-    let line = line.strip_prefix(b"#")?.trim_ascii();
+    let line = comment(line)?.trim_ascii();
     [separator, Separator::BLANKS].iter().find_map(|&separator| {
         let names: Vec<String> = rows::split(line, separator).map(text).collect();
         (names.len() == fields && !names.iter().any(|it| is_number(it.as_bytes(), separator)))
@@ -178,10 +186,10 @@ fn separator(lines: &[&[u8]]) -> Separator {
         words.len() > 1 + memchr::memchr_iter(b'\t', line).count()
             && words.iter().all(|it| is_number(it, Separator::BLANKS))
     };
-    for byte in [b';', b'\t', b','] {
+    for byte in [b';', b'\t', b'|', b','] {
         let is_mixed = || byte == b'\t' && lines.last().is_some_and(is_mixed);
         if lines.iter().all(|line| has(line, byte)) && !is_mixed() {
-            // Between semicolons or tabs a comma is a decimal point, unless there are points too.
+            // Between semicolons, tabs or bars a comma is a decimal point, unless there are points too.
             let numbers = if lines.len() > 1 { &lines[1..] } else { lines };
             let commas = numbers.iter().any(|line| has(line, b','));
             let points = numbers.iter().any(|line| has(line, b'.'));
@@ -306,9 +314,7 @@ pub(crate) fn frame(feed: &mut Feed, request: &Request, progress: &dyn Progress)
     if shape.separator.decimal_comma {
         conventions.push("decimal commas".to_string());
     }
-    if shape.header_line {
-        pass_header(feed)?;
-    }
+    pass_head(feed, shape.header_line)?;
     let mut layout =
         Layout { separator: shape.separator, roles, headings, scaled: None, gaps: true, origin: None };
     layout.keep(request.options.wanted.as_ref());
@@ -355,17 +361,22 @@ fn guessed(fields: usize) -> Vec<String> {
 
 /// The lines of `head` that are rows.
 fn rows_of(head: &[u8], header_line: bool) -> Vec<u8> {
-    let rows =
-        whole_lines(head).filter(|line| !line.is_empty() && line.trim_ascii_start().first() != Some(&b'#'));
+    let rows = whole_lines(head).filter(|line| !line.is_empty() && comment(line).is_none());
     rows.skip(usize::from(header_line)).collect::<Vec<_>>().join(&b'\n')
 }
 
-/// Passes the header, and the comments before it.
-fn pass_header(feed: &mut Feed) -> Result<()> {
-    while let Some(line) = feed.line()? {
-        if !line.trim().is_empty() && !line.trim_start().starts_with('#') {
+/// Passes the comments before the first row, and the header if it is a line.
+fn pass_head(feed: &mut Feed, header_line: bool) -> Result<()> {
+    loop {
+        let head = feed.peek(super::HEAD as usize)?;
+        let line = head.split(|&byte| byte == b'\n').next().unwrap_or_default();
+        if head.is_empty() || !line.trim_ascii().is_empty() && comment(line).is_none() {
             break;
         }
+        feed.line()?;
+    }
+    if header_line {
+        feed.line()?;
     }
     Ok(())
 }
@@ -402,6 +413,13 @@ mod tests {
     }
 
     #[test]
+    fn marks_of_comments_are_known_before_the_rows_only() {
+        assert!(recognise(b"// by hand\n% x y z\n1 2 3\n", Path::new("a.asc")));
+        let message = read_as("% x y z\n1 2 3\n% 4\n5 6 7\n", None).err().unwrap().to_string();
+        assert!(message.contains("line 3"), "{message}");
+    }
+
+    #[test]
     fn separators_headers_and_line_ends_of_all_kinds_are_read() {
         let cases = [
             "x,y,z,id\n1,2,3,4\n",
@@ -410,6 +428,9 @@ mod tests {
             "# made by hand\n\"Points:0\",\"Points:1\",\"Points:2\",\"id\"\n1,2,3,4,\n",
             "pos_x\tpos_y\tpos_z\tid\n1\t2\t3\t4",
             "#a comment, with commas\n#x,y,z,id\n1,2,3,4\n",
+            "x|y|z|id\n1|2|3|4|\n",
+            "//X Y Z id\n1 2 3 4\n# the end\n",
+            "! Fortran\r\n\r\n% x y z id\r\n  1 2 3 4\r\n",
         ];
         for case in cases {
             let frame = read(case);
