@@ -47,8 +47,9 @@ pub(super) struct Numbers {
     pub(super) content: Arc<Content>,
     pub(super) kind: Kind,
     pub(super) order: Order,
-    /// Where they begin.
+    /// Where they begin, and the bytes from one row to the next.
     pub(super) start: usize,
+    pub(super) stride: usize,
     /// How many rows there are, and numbers in each.
     pub(super) count: usize,
     pub(super) width: usize,
@@ -57,16 +58,9 @@ pub(super) struct Numbers {
 impl Numbers {
     /// Those from a row on.
     fn source(&self, row: usize) -> Source<'_> {
-        let (size, stride) = (self.kind.size(), self.width * self.kind.size());
-        let bytes = (*self.content).as_ref();
-        Source {
-            bytes,
-            kind: self.kind,
-            order: self.order,
-            start: self.start + row * stride,
-            stride,
-            step: size,
-        }
+        let Self { kind, order, stride, .. } = *self;
+        let start = self.start + row * stride;
+        Source { bytes: (*self.content).as_ref(), kind, order, start, stride, step: kind.size() }
     }
 }
 

@@ -50,7 +50,7 @@ pub(super) fn text(item: &Node) -> Result<Numbers, String> {
     let (kind, (count, width)) = (kind(item)?, extent(item)?);
     let bytes = numbers(item.text().as_bytes(), kind, count * width)?;
     let content = Arc::new(Content::Unpacked(bytes));
-    Ok(Numbers { content, kind, order: Order::Little, start: 0, count, width })
+    Ok(Numbers { content, kind, order: Order::Little, start: 0, stride: width * kind.size(), count, width })
 }
 
 /// Its numbers in `content`, the file that it names.
@@ -75,5 +75,5 @@ pub(super) fn binary(item: &Node, content: Arc<Content>) -> Result<Numbers, Stri
             "{numbers} numbers from byte {start} on are more than a file of {there} bytes has"
         ));
     }
-    Ok(Numbers { content, kind, order, start, count, width })
+    Ok(Numbers { content, kind, order, start, stride: width * kind.size(), count, width })
 }

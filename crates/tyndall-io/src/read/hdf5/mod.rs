@@ -8,6 +8,7 @@
 mod attributes;
 mod chunks;
 mod columns;
+mod compound;
 mod connectivity;
 mod filters;
 mod forms;

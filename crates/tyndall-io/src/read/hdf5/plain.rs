@@ -1,4 +1,4 @@
-//! Plain HDF5: a data set of N rows of coordinates, or one for each axis, and beside it others with N rows.
+//! Plain HDF5: a data set of N rows of coordinates, or one for each axis, or one of records, and beside it others with N rows.
 //!
 //! The positions are the data set that the caller names, else the one that is called like positions, else the only one of two or
 //! three columns. H5Part keeps its frames in groups `Step#0`, `Step#1`, …: then each of these is a frame. Positions in three dimensions
@@ -11,13 +11,14 @@ use std::ops::Range;
 use tyndall::{Cell, DVec3, Error, Positions, Progress, Result};
 
 use super::columns::{self, Input, Run, Term};
+use super::compound;
 use super::tree::{Data, Group, Tree};
 use crate::read::sections::{self, Column};
 use crate::read::{molecules, records, table};
 use crate::sequence::{Frame, Options};
 
 /// What positions are called, best first.
-const NAMES: [&str; 10] =
+pub(super) const NAMES: [&str; 10] =
     ["coordinates", "positions", "position", "pos", "points", "xyz", "coords", "vertices", "x", "r"];
 /// So deep are groups looked into.
 const DEPTH: usize = 8;
@@ -31,19 +32,26 @@ enum Place {
     Frames(String, String),
     /// Data sets for each axis: their group and names.
     Axes(String, [String; 3]),
+    /// A data set of records: its group and name.
+    Records(String, String),
 }
 
 impl Place {
     fn group(&self) -> &str {
         match self {
-            Self::Rows(group, _) | Self::Frames(group, _) | Self::Axes(group, _) => group,
+            Self::Rows(group, _)
+            | Self::Frames(group, _)
+            | Self::Axes(group, _)
+            | Self::Records(group, _) => group,
         }
     }
 
     /// How it is named to people.
     fn path(&self) -> String {
         let (group, name) = match self {
-            Self::Rows(group, name) | Self::Frames(group, name) => (group, name.clone()),
+            Self::Rows(group, name) | Self::Frames(group, name) | Self::Records(group, name) => {
+                (group, name.clone())
+            }
             Self::Axes(group, names) => (group, names.join(",")),
         };
         if group.is_empty() { name } else { format!("{group}/{name}") }
@@ -68,7 +76,7 @@ pub(super) fn index(tree: &Tree, options: &Options) -> Result<(usize, String)> {
         let place = find(tree, "", options)?;
         let frames = match &place {
             Place::Frames(group, name) => frames(tree, group, name)?,
-            Place::Rows(..) | Place::Axes(..) => 1,
+            Place::Rows(..) | Place::Axes(..) | Place::Records(..) => 1,
         };
         return Ok((frames, "HDF5".to_string()));
     }
@@ -110,7 +118,7 @@ fn find(tree: &Tree, group: &str, options: &Options) -> Result<Place> {
     }
     // A name counts more than anything else; of equal ones the first.
     let rank = |place: &Place| match place {
-        Place::Axes(..) => Some(NAMES.len()),
+        Place::Axes(..) | Place::Records(..) => Some(NAMES.len()),
         Place::Rows(_, name) | Place::Frames(_, name) => {
             NAMES.iter().position(|it| it.eq_ignore_ascii_case(name))
         }
@@ -118,7 +126,7 @@ fn find(tree: &Tree, group: &str, options: &Options) -> Result<Place> {
     let best = places.iter().filter_map(rank).min();
     let may_be = |place: &Place| match place {
         Place::Rows(_, name) | Place::Frames(_, name) => !table::is_other_vector(name),
-        Place::Axes(..) => true,
+        Place::Axes(..) | Place::Records(..) => true,
     };
     let is_candidate = |place: &&Place| if best.is_none() { may_be(place) } else { rank(place) == best };
     let candidates: Vec<&Place> = places.iter().filter(is_candidate).collect();
@@ -159,6 +167,9 @@ fn collect(
         let is_named = || NAMES.iter().any(|it| it.eq_ignore_ascii_case(name));
         if shape.len() == 3 && (2..=3).contains(&shape[2]) && data.is_number() && is_named() {
             places.push(Place::Frames(group.path().to_string(), name.clone()));
+        }
+        if compound::is_table(&data) {
+            places.push(Place::Records(group.path().to_string(), name.clone()));
         }
     }
     for axes in [["x", "y", "z"], ["X", "Y", "Z"], ["pos_x", "pos_y", "pos_z"]] {
@@ -267,7 +278,7 @@ pub(super) fn frame(tree: &Tree, number: usize, options: &Options, progress: &dy
     let dataset = |name: &str| -> Result<Data> {
         group.dataset(name)?.ok_or_else(|| tree.fault(name, "it is gone", "was the file changed?"))
     };
-    let (mut length_unit, mut scale) = (None, None);
+    let (mut length_unit, mut scale, mut table) = (None, None, Beside::default());
     let (names, positions, count, frames) = match &place {
         Place::Rows(_, name) | Place::Frames(_, name) => {
             let data = dataset(name)?;
@@ -285,6 +296,13 @@ pub(super) fn frame(tree: &Tree, number: usize, options: &Options, progress: &dy
             let sums = rows.into_iter().map(|rows| vec![Term::Rows(rows, 1.0)]).collect();
             (names.to_vec(), Input::Sums(sums), count, None)
         }
+        Place::Records(_, name) => {
+            let found = compound::read(&dataset(name)?)?
+                .ok_or_else(|| tree.fault(name, "it has no coordinates", "was the file changed?"))?;
+            let compound::Table { positions, count, columns, values, left_out } = found;
+            table = Beside { columns, values, left_out, ..Beside::default() };
+            (vec![name.clone()], positions, count, None)
+        }
     };
     let cell = if frames.is_some() { cell(&group, number)? } else { None };
     let rows = |_: &str, shape: &[u64]| {
@@ -293,7 +311,11 @@ pub(super) fn frame(tree: &Tree, number: usize, options: &Options, progress: &dy
         let lead = if of_frame { vec![number as u64] } else { Vec::new() };
         Ok((of_frame || of_all).then_some((lead, 0..count)))
     };
-    let Beside { columns, values, mut left_out, mut warnings } = beside(&group, &names, &rows)?;
+    let taken: Vec<String> = table.columns.iter().map(|it| it.name.clone()).chain(names).collect();
+    let Beside { columns, values, mut left_out, mut warnings } = beside(&group, &taken, &rows)?;
+    let columns = [table.columns, columns].concat();
+    let values = table.values.into_iter().chain(values).collect();
+    left_out.splice(..0, table.left_out);
     let flags = sections::flags(&columns, options.wanted.as_ref());
     let (columns, values) = (sections::flagged(columns, &flags), sections::flagged(values, &flags));
     let run = Run { count, positions, values };

@@ -286,6 +286,7 @@ fn damage_never_panics() {
         "bonds.h5md",
         "series.h5",
         "candidates.h5",
+        "table.h5",
     ] {
         let bytes = std::fs::read(path(name)).unwrap();
         let options =
@@ -361,6 +362,23 @@ fn positions_in_three_dimensions_are_frames() {
     );
     assert_eq!(particles.cell().unwrap().vectors[1], DVec3::Y * 3.5);
     assert!(frame.warnings.is_empty(), "{:?}", frame.warnings);
+}
+
+#[test]
+fn rows_may_be_records() {
+    let sequence = open("table.h5");
+    let frame = sequence.frame(0, &()).unwrap();
+    let particles = &frame.particles;
+    assert_eq!((particles.len(), at(particles, 3)), (5, [3.0, 13.0, 0.75]));
+    assert_eq!(numbers(particles, "id")[4], (1u64 << 40) as f64 + 4.0);
+    let spin = particles.attribute("spin").unwrap();
+    assert_eq!((spin.components, spin.number(4, 2)), (3, 14.0));
+    assert_eq!(numbers(particles, "up"), [1.0, 0.0, 1.0, 1.0, 0.0]);
+    assert_eq!(numbers(particles, "beside"), [0.0, 1.0, 2.0, 3.0, 4.0]);
+    assert_eq!(frame.conventions, ["positions: data set group/particles"]);
+    assert_eq!(frame.warnings, ["left out: word (no 5 rows of numbers)"]);
+    let particles = open("table_of_rows.h5").frame(0, &()).unwrap().particles;
+    assert_eq!((at(&particles, 2), numbers(&particles, "mass")), ([6.0, 7.0, 8.0], vec![1.0, 2.0, 3.0]));
 }
 
 #[test]

@@ -10,7 +10,7 @@ use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 use std::sync::{Arc, OnceLock};
 
 use hdf5_reader::error::Error as ReadError;
-use hdf5_reader::messages::datatype::Datatype;
+use hdf5_reader::messages::datatype::{CompoundField, Datatype};
 use hdf5_reader::{Dataset, Hdf5File, OpenOptions, SliceInfo, SliceInfoElem};
 use tyndall::{Error, Result};
 
@@ -294,6 +294,44 @@ impl Data {
         number_kind(self.dataset.dtype()).is_some()
     }
 
+    /// The names of the members of its rows, if these are records.
+    pub(super) fn member_names(&self) -> Vec<String> {
+        match self.dataset.dtype() {
+            Datatype::Compound { fields, .. } => fields.iter().map(|it| it.name.clone()).collect(),
+            _ => Vec::new(),
+        }
+    }
+
+    /// The members of its rows that are numbers, or arrays of some; none if its rows are no records.
+    pub(super) fn members(&self) -> Vec<Member> {
+        let Datatype::Compound { size, fields } = self.dataset.dtype() else { return Vec::new() };
+        let member = |field: &CompoundField| {
+            let (datatype, width) = match &field.datatype {
+                Datatype::Array { base, dims } => {
+                    (&**base, dims.iter().try_fold(1u64, |width, &it| width.checked_mul(it))?)
+                }
+                scalar => (scalar, 1),
+            };
+            let (kind, order) = number_kind(datatype).filter(|_| (1..=MOST_WIDTH).contains(&width))?;
+            let (offset, width) = (field.byte_offset as usize, width as usize);
+            let fits = offset + width * kind.size() <= *size as usize;
+            fits.then(|| Member { name: field.name.clone(), kind, order, offset, width })
+        };
+        fields.iter().filter_map(member).collect()
+    }
+
+    /// The bytes of all its rows, as they are stored, and those of one, which are not none. Fails if the file cannot hold them.
+    pub(super) fn records(&self) -> Result<(Vec<u8>, usize)> {
+        let failed = |error: ReadError| fault(&self.file, &self.path, &error);
+        let row = self.dataset.raw_element_size().map_err(failed)?;
+        let bytes = self.dataset.raw_byte_len().map_err(failed)?;
+        if row == 0 || bytes as u64 > most_bytes(self.file_bytes) {
+            let what = format!("{bytes} bytes are more than a file of {} bytes can hold", self.file_bytes);
+            return Err(Error::format(&self.file, &self.path, what, "was the file copied to its end?"));
+        }
+        Ok((self.dataset.read_raw_bytes().map_err(failed)?, row))
+    }
+
     /// Where in their bytes its numbers are, if they are no machine's own.
     fn form(&self) -> Option<Form> {
         Form::of(&self.dataset.raw_datatype().ok()?)
@@ -421,6 +459,17 @@ impl Data {
             whole: OnceLock::new(),
         })
     }
+}
+
+/// Numbers in rows that are records.
+pub(super) struct Member {
+    pub(super) name: String,
+    pub(super) kind: Kind,
+    pub(super) order: Order,
+    /// Where in a row it begins.
+    pub(super) offset: usize,
+    /// How many numbers it has.
+    pub(super) width: usize,
 }
 
 /// Numbers in this machine's order of bytes.

@@ -129,7 +129,8 @@ impl Points {
     fn in_rows_of(self, width: usize) -> Self {
         match self {
             Self::Numbers(it) if it.width == 1 && it.count % width == 0 => {
-                Self::Numbers(Numbers { count: it.count / width, width, ..it })
+                let stride = width * it.kind.size();
+                Self::Numbers(Numbers { count: it.count / width, width, stride, ..it })
             }
             other => other,
         }

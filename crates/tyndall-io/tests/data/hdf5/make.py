@@ -333,6 +333,22 @@ def scaled():
         file["charge"].attrs["add_offset"] = 1.0
 
 
+def tables():
+    """Rows that are records, with coordinates as members, and as one member."""
+    axes = np.zeros(5, [("z", ">f8"), ("id", "i8"), ("word", "S4"), ("x", "f4"), ("spin", "f4", (3,)), ("y", "i2"), ("up", "?")])
+    axes["x"], axes["y"], axes["z"], axes["id"] = np.arange(5), 10 + np.arange(5), 0.25 * np.arange(5), 2**40 + np.arange(5)
+    axes["spin"] = np.arange(15).reshape(5, 3)
+    axes["up"] = [True, False, True, True, False]
+    with h5py.File("table.h5", "w") as file:
+        file.create_dataset("group/particles", data=axes, chunks=(2,), compression="gzip")
+        file["group/beside"] = np.arange(5)
+    rows = np.zeros(3, [("mass", "f8"), ("Position", ">f4", (3,))])
+    rows["Position"] = np.arange(9).reshape(3, 3)
+    rows["mass"] = [1, 2, 3]
+    with h5py.File("table_of_rows.h5", "w") as file:
+        file["particles"] = rows
+
+
 def large():
     """Chunks of more than 2^20 bytes, with the filters in every order that is common and the ways to find chunks that HDF5 has."""
     count, rows = 150_000, 1 << 17
@@ -377,4 +393,5 @@ forms()
 vtkhdf()
 frames()
 scaled()
+tables()
 large()
