@@ -199,7 +199,7 @@ struct Pieces {
     header: Header,
     /// The columns, which of them the coordinates are, and whether these are fractions of the cell.
     names: Vec<String>,
-    axes: [usize; 3],
+    axes: Axes,
     scaled: bool,
     layout: Layout,
     builder: rows::Builder,
@@ -279,7 +279,7 @@ fn whole_header(feed: &mut Feed) -> Result<Header> {
 /// How the rows that follow in `feed` are to be understood; with the cell comes whether coordinates are fractions of it.
 fn layout(
     feed: &mut Feed,
-    (names, axes): (&[String], [usize; 3]),
+    (names, axes): (&[String], Axes),
     cell: Option<(Cell, bool)>,
     request: &Request,
 ) -> Result<Layout> {
@@ -287,7 +287,7 @@ fn layout(
     let kinds = rows::kinds(own_rows(sample), Separator::BLANKS, names.len());
     let (mut roles, mut headings) = (Vec::new(), Vec::new());
     for (column, name) in names.iter().enumerate() {
-        if let Some(axis) = axes.iter().position(|&it| it == column) {
+        if let Some(axis) = axes.iter().position(|&it| it == Some(column)) {
             roles.push(Role::Axis(axis));
             continue;
         }
@@ -352,13 +352,15 @@ impl Common<'_> {
     }
 }
 
+/// Which columns the coordinates are; in two dimensions there may be no z.
+pub(super) type Axes = [Option<usize>; 3];
+
 /// Which columns the coordinates are, and whether they are scaled; `None` if they are not there.
-pub(super) fn coordinates(names: &[String]) -> Option<([usize; 3], bool)> {
+pub(super) fn coordinates(names: &[String]) -> Option<(Axes, bool)> {
     let place = |name: &str| names.iter().position(|it| it == name);
-    COORDINATES.iter().find_map(|(axes, scaled)| {
-        let [x, y, z] = axes.map(place);
-        Some(([x?, y?, z?], *scaled))
-    })
+    let found = || COORDINATES.iter().map(|(axes, scaled)| (axes.map(place), *scaled));
+    let is_flat = |it: &(Axes, bool)| it.0[..2].iter().all(Option::is_some);
+    found().find(|it| is_flat(it) && it.0[2].is_some()).or_else(|| found().find(is_flat))
 }
 
 /// The rows at the front of `text`, up to the next header.
@@ -368,24 +370,27 @@ fn own_rows(text: &[u8]) -> &[u8] {
 }
 
 /// What is to be said about the coordinates and their columns.
-pub(super) fn conventions(
-    names: &[String],
-    axes: [usize; 3],
-    cell: Option<&Cell>,
-    scaled: bool,
-) -> Vec<String> {
+pub(super) fn conventions(names: &[String], axes: Axes, cell: Option<&Cell>, scaled: bool) -> Vec<String> {
     let tilted = cell.is_some_and(|cell| {
         let [a, b, c] = cell.vectors;
         [a.y, a.z, b.x, b.z, c.x, c.y].iter().any(|&it| it != 0.0)
     });
-    let mut lines = vec![format!("coordinates: {}", axes.map(|axis| names[axis].as_str()).join(" "))];
+    let mut lines = vec![format!("coordinates: {}", axes_names(names, axes))];
     if scaled {
         lines[0] += if tilted { " (scaled by the triclinic cell)" } else { " (scaled by the cell)" };
+    }
+    if axes[2].is_none() {
+        let place = if scaled { "the lower face of the cell" } else { "z = 0" };
+        lines.push(format!("two-dimensional: at {place}"));
     }
     if ["ix", "iy", "iz"].iter().any(|flag| names.iter().any(|name| name == flag)) {
         lines.push("image flags ix iy iz: kept as attributes, not applied".to_string());
     }
     lines
+}
+
+fn axes_names(names: &[String], axes: Axes) -> String {
+    axes.iter().flatten().map(|&axis| names[axis].as_str()).collect::<Vec<_>>().join(" ")
 }
 
 /// The unit of length of a LAMMPS unit system; `lj` has none.
@@ -416,13 +421,13 @@ pub(super) fn time_unit(is_time: bool, units: Option<&str>) -> Option<String> {
 }
 
 /// The warning if coordinates that are said to be real fill 0..1 in a cell that is far from unit size.
-pub(super) fn looks_scaled(particles: &Particles, names: &[String], axes: [usize; 3]) -> Option<String> {
+pub(super) fn looks_scaled(particles: &Particles, names: &[String], axes: Axes) -> Option<String> {
     let cell = particles.cell().filter(|_| particles.len() >= 8)?;
     let edge = cell.vectors.iter().map(|it| it.length()).fold(0.0, f64::max);
     let is_within = |at: DVec3| at.cmpge(DVec3::splat(-0.02)).all() && at.cmple(DVec3::splat(1.02)).all();
     // One that lies outside is found soon, where there are any.
     let all_within = edge > 2.0 && (0..particles.len()).all(|id| is_within(particles.positions().world(id)));
-    let names = axes.map(|axis| names[axis].as_str()).join(" ");
+    let names = axes_names(names, axes);
     (all_within && particles.bounds().extent().max_element() > 0.5).then(|| {
         format!(
             "coordinates look scaled (0..1) but the columns are '{names}' — reading as real; use --coords scaled to change"

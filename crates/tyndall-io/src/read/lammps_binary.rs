@@ -13,7 +13,7 @@ use tyndall::{Cell, DVec3, Error, Progress, Result};
 
 use super::content::{self, Content};
 use super::cursor::Cursor;
-use super::lammps::{self, Common, MEASURED};
+use super::lammps::{self, Axes, Common, MEASURED};
 use super::map;
 use super::numbers::{Kind, Order};
 use super::records::{self, Field, Layout, Source};
@@ -244,7 +244,7 @@ impl<'a> Piece<'a> {
     }
 
     /// Where the values of its atoms stand, chunk by chunk: coordinates, and other columns with their names.
-    fn layouts(&self, axes: [usize; 3], others: &[(usize, &str)]) -> impl Iterator<Item = Layout<'a>> {
+    fn layouts(&self, axes: Axes, others: &[(usize, &str)]) -> impl Iterator<Item = Layout<'a>> {
         let stride = 8 * self.header.size as usize;
         self.chunks.iter().map(move |&(place, count)| {
             let source = |column: usize| Source {
@@ -262,7 +262,7 @@ impl<'a> Piece<'a> {
             };
             Layout {
                 count,
-                axes: axes.map(|axis| Some(source(axis))),
+                axes: axes.map(|axis| axis.map(source)),
                 fields: others.iter().map(field).collect(),
             }
         })
@@ -309,7 +309,7 @@ pub(crate) fn frame(
     let scaled = scaled || request.options.scaled;
 
     let others: Vec<(usize, &str)> = (0..size)
-        .filter(|column| !axes.contains(column))
+        .filter(|column| !axes.contains(&Some(*column)))
         .map(|column| (column, names[column].as_str()))
         .collect();
     let offered: Vec<Column> = others.iter().map(|(_, name)| Column::new(*name, 1)).collect();

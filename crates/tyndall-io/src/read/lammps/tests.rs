@@ -76,6 +76,19 @@ fn real_coordinates_come_before_unwrapped_and_scaled_ones() {
 }
 
 #[test]
+fn two_dimensional_dumps_may_lack_z() {
+    let frame = &read(&dump("id x y xs ys zs", &["1 11 12 0.1 0.2 0.3"])).unwrap()[0];
+    assert_eq!(frame.particles.positions().world(0), DVec3::new(1.0, 2.0, 3.0), "all three before two");
+    let frame = &read(&dump("id x y q", &["1 1 2 7"])).unwrap()[0];
+    assert_eq!(frame.particles.positions().world(0), DVec3::new(1.0, 2.0, 0.0));
+    assert_eq!(frame.conventions, ["coordinates: x y", "two-dimensional: at z = 0"]);
+    let frame =
+        &read(&dump("xs ys", &["0.1 0.2"]).replace("0 10\r\nITEM: A", "-1 10\r\nITEM: A")).unwrap()[0];
+    assert_eq!(frame.particles.positions().world(0), DVec3::new(1.0, 2.0, -1.0));
+    assert_eq!(frame.conventions[1], "two-dimensional: at the lower face of the cell");
+}
+
+#[test]
 fn counts_may_change_and_frames_may_be_empty() {
     let text =
         [dump("x y z vx", &["1 2 3 0", "1 2 3 1"]), dump("x y z", &[]), dump("x y z", &["1 2 3"])].concat();

@@ -19,7 +19,7 @@ const STYLES: [(&str, &str); 30] = [
     ("full", "id mol type q x y z"),
     ("line", "id mol type lineflag density x y z"),
     ("mdpd", "id type rho x y z"),
-    ("mesont", "id mol type bond_nt mass mradius mlength buckling x y z"),
+    ("mesont", "id mol type bond_nt1 bond_nt2 mass mradius mlength buckling x y z"),
     ("molecular", "id mol type x y z"),
     ("oxdna", "id type x y z"),
     ("peri", "id type volume density x y z"),
