@@ -229,14 +229,17 @@ fn plain(feed: &mut Feed, count: u64, request: &Request) -> Result<Fields> {
     Ok((roles, headings))
 }
 
-/// The cell of `Lattice=`; it repeats along all edges unless `pbc` says otherwise.
+/// The cell of `Lattice=`, of which some write the lengths alone; it repeats along all edges unless `pbc` says otherwise.
 fn cell(lattice: &str, origin: Option<&str>, pbc: Option<&str>) -> std::result::Result<Cell, String> {
     let numbers = |text: &str| -> Vec<f64> {
         let words =
             text.split(|it: char| it.is_whitespace() || ",[]".contains(it)).filter(|it| !it.is_empty());
         words.map(|word| fast_float2::parse(word).unwrap_or(f64::NAN)).collect()
     };
-    let values = numbers(lattice);
+    let mut values = numbers(lattice);
+    if let [x, y, z] = values[..] {
+        values = vec![x, 0.0, 0.0, 0.0, y, 0.0, 0.0, 0.0, z];
+    }
     if values.len() != 9 || !values.iter().all(|it| it.is_finite()) {
         return Err(format!("Lattice has not nine numbers: '{}'", rows::shortened(lattice.as_bytes())));
     }
@@ -364,6 +367,13 @@ mod tests {
     }
 
     #[test]
+    fn a_lattice_of_three_numbers_is_a_box() {
+        let frame = &read("1\nLattice=\"4 5 6\"\nO 1 1 1\n").unwrap()[0];
+        let vectors = [DVec3::X * 4.0, DVec3::Y * 5.0, DVec3::Z * 6.0];
+        assert_eq!(frame.particles.cell().unwrap().vectors, vectors);
+    }
+
+    #[test]
     fn a_truncated_frame_is_noticed() {
         let cut = |text: &str| {
             let index = index(&mut Feed::over(Path::new("a.xyz"), text.as_bytes())).unwrap();
@@ -384,7 +394,7 @@ mod tests {
         assert!(message("1\n\nO 0 0 0\nO 0 0 0\n").contains("wanted the particle count of the next frame"));
         assert!(message("1\nProperties=species:S:1\nO\n").contains("no pos:R:3"));
         assert!(message("1\nProperties=pos:R\nO\n").contains("name:type:count"));
-        assert!(message("1\nLattice=\"1 2 3\"\nO 1 1 1\n").contains("nine numbers"));
+        assert!(message("1\nLattice=\"1 2\"\nO 1 1 1\n").contains("nine numbers"));
         assert!(message("2\n\nO 0 0 0\nO 0 0\n").contains("line 4"));
     }
 
