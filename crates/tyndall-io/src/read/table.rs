@@ -45,6 +45,8 @@ struct Shape {
     even: bool,
     /// How many numbers stand in front of the first word of the first row.
     leading_numbers: usize,
+    /// Whether the first value is a number but not an integer.
+    is_measured: bool,
 }
 
 /// Whether a table begins here whose columns need no guess, or one that `path` calls a table.
@@ -79,6 +81,7 @@ pub(crate) fn unknown(path: &Path, head: &[u8]) -> Error {
             let guess = match (shape.fields, shape.leading_numbers) {
                 (4, 0) => &["element", "x", "y", "z"][..],
                 (0..=4, _) => &["x", "y", "z", "radius"],
+                _ if shape.is_measured => &["x", "y", "z"],
                 _ => &guess,
             };
             let name =
@@ -151,10 +154,11 @@ fn shape(head: &[u8]) -> Option<Shape> {
         let before_rows = comments.iter().rev().map(|line| line.trim_ascii_start().trim_ascii());
         before_rows.filter_map(|line| comment_names(line, separator, fields)).next()
     };
-    let leading_numbers = rows
-        .first()
-        .map_or(0, |row| rows::split(row, separator).take_while(|it| is_number(it, separator)).count());
-    Some(Shape { separator, header, header_line, fields, even, leading_numbers })
+    let values = || rows.first().into_iter().flat_map(|row| rows::split(row, separator));
+    let leading_numbers = values().take_while(|it| is_number(it, separator)).count();
+    let is_measured =
+        leading_numbers > 0 && values().next().is_some_and(|it| it.iter().any(|it| b".,eE".contains(it)));
+    Some(Shape { separator, header, header_line, fields, even, leading_numbers, is_measured })
 }
 
 fn text(token: &[u8]) -> String {
@@ -410,6 +414,13 @@ mod tests {
 
     fn names(frame: &Frame) -> Vec<&str> {
         frame.particles.attributes().iter().map(|it| it.name.as_str()).collect()
+    }
+
+    #[test]
+    fn columns_that_are_proposed_fit_the_first_value() {
+        let hint = |text: &str| unknown(Path::new("a.dat"), text.as_bytes()).to_string();
+        assert!(hint("0.5 1 2 0.1 0.2\n").contains("--columns x,y,z,c4,c5"), "{}", hint("0.5 1 2 0.1 0.2\n"));
+        assert!(hint("1 1 0.5 2 3\n").contains("--columns id,type,x,y,z"));
     }
 
     #[test]
