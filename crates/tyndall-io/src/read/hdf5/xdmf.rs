@@ -106,7 +106,7 @@ struct Files<'a> {
 
 /// The array of a `DataItem`.
 enum Array {
-    Data(Data),
+    Data(Box<Data>),
     Numbers(Numbers),
 }
 
@@ -202,7 +202,11 @@ impl Files<'_> {
         };
         let there =
             data.ok_or_else(|| tree.fault(place, "there is no such data set", "was the file changed?"))?;
-        Ok(if there.is_number() { Ok(Array::Data(there)) } else { Err("these are no numbers".into()) })
+        Ok(if there.is_number() {
+            Ok(Array::Data(Box::new(there)))
+        } else {
+            Err("these are no numbers".into())
+        })
     }
 
     /// The positions that a geometry tells, and how many there are.
