@@ -335,6 +335,27 @@ mod tests {
     use super::*;
 
     #[test]
+    fn who_wants_more_room_than_is_left_waits() {
+        use std::sync::atomic::{AtomicUsize, Ordering::SeqCst};
+        let (room, now, most) = (Room::of(10), AtomicUsize::new(0), AtomicUsize::new(0));
+        std::thread::scope(|scope| {
+            for _ in 0..4 {
+                scope.spawn(|| {
+                    for bytes in [6, 7, 1000] {
+                        let held = room.hold(bytes);
+                        most.fetch_max(1 + now.fetch_add(1, SeqCst), SeqCst);
+                        std::thread::yield_now();
+                        now.fetch_sub(1, SeqCst);
+                        drop(held);
+                    }
+                });
+            }
+        });
+        assert_eq!((most.into_inner(), *room.used.lock().unwrap()), (1, 0));
+        let _two = [room.hold(5), room.hold(5)];
+    }
+
+    #[test]
     fn unsigned_numbers_beyond_the_signed_become_floats() {
         let mut values = Values::I64(vec![1, -1]);
         widen_unsigned(&mut values);

@@ -1,7 +1,7 @@
 //! XDMF: XML that says which arrays are the points of a grid, what they have, and which grids are steps in time.
 //!
 //! A uniform grid has a geometry (`XYZ`, `XY`, `X_Y_Z` or `X_Y`) and attributes, each a `DataItem`: a data set of an HDF5 file, `file.h5:/path`, or
-//! numbers in the XML or in a binary file (`items.rs`). A temporal collection has a frame for each grid in it; grids that stand beside each other, or in
+//! numbers in the XML or in a binary file, or a hyperslab of a data set, which also other items may refer to (`items.rs`). A temporal collection has a frame for each grid in it; grids that stand beside each other, or in
 //! a spatial collection, are one frame. A grid without a geometry of its own has that of the first step, or the first one of the file, from where writers
 //! include it. Meshes count by their points. Source: xdmf.org, "XDMF Model and Format".
 
@@ -13,7 +13,7 @@ use std::sync::Arc;
 use tyndall::{Error, Progress, Result};
 
 use super::columns::{self, Input, Numbers, Run, Term};
-use super::items;
+use super::items::{self, Slab};
 use super::tree::{Data, Rows, Tree};
 use crate::read::content::Content;
 use crate::read::sections::{self, Column};
@@ -100,13 +100,14 @@ pub(crate) fn index(path: &Path, bytes: &[u8], _: &Options) -> Result<Index> {
 /// The files that it names, each opened once.
 struct Files<'a> {
     path: &'a Path,
+    root: &'a Node<'a>,
     trees: BTreeMap<PathBuf, Tree>,
     binaries: BTreeMap<PathBuf, Arc<Content>>,
 }
 
 /// The array of a `DataItem`.
 enum Array {
-    Data(Box<Data>),
+    Data(Box<Data>, Slab),
     Numbers(Numbers),
 }
 
@@ -151,14 +152,17 @@ impl Points {
     }
 }
 
-impl Files<'_> {
+impl<'a> Files<'a> {
     /// The array of a `DataItem`; or why it is not read.
-    fn array(&mut self, item: &Node) -> Result<std::result::Result<Array, String>> {
-        if let Some(kind) = item.get("ItemType").filter(|it| *it != "Uniform") {
-            return Ok(Err(format!("its DataItem is a {kind}")));
-        }
-        if item.get("Reference").is_some() {
-            return Ok(Err("its DataItem refers to another one".into()));
+    fn array(&mut self, item: &'a Node<'a>) -> Result<std::result::Result<Array, String>> {
+        let item = match items::target(self.root, item) {
+            Ok(item) => item,
+            Err(why) => return Ok(Err(why)),
+        };
+        match item.get("ItemType") {
+            None | Some("Uniform") => {}
+            Some("HyperSlab") => return self.slab(item),
+            Some(kind) => return Ok(Err(format!("its DataItem is a {kind}"))),
         }
         match item.get("Format").unwrap_or("XML").to_ascii_uppercase().as_str() {
             "XML" => Ok(items::text(item).map(Array::Numbers)),
@@ -166,6 +170,26 @@ impl Files<'_> {
             "HDF" | "HDF5" => self.dataset(item),
             format => Ok(Err(format!("its numbers have the format {format}"))),
         }
+    }
+
+    /// Some rows of a data set.
+    fn slab(&mut self, item: &'a Node<'a>) -> Result<std::result::Result<Array, String>> {
+        let items: Vec<&Node> = item.children.iter().filter(|it| it.name == "DataItem").collect();
+        let [slab, source] = items[..] else {
+            return Ok(Err(format!("its HyperSlab has {} DataItems, not two", items.len())));
+        };
+        let source = match items::target(self.root, source) {
+            Ok(source) if source.get("ItemType").is_none_or(|it| it == "Uniform") => self.array(source)?,
+            Ok(_) => Err("its HyperSlab is one of another item than a data set".into()),
+            Err(why) => Err(why),
+        };
+        Ok(source.and_then(|array| match array {
+            Array::Data(data, _) => {
+                let slab = Slab::of(slab, data.shape())?;
+                Ok(Array::Data(data, slab))
+            }
+            Array::Numbers(_) => Err("its HyperSlab is one of another item than a data set".into()),
+        }))
     }
 
     /// That in a binary file.
@@ -203,14 +227,14 @@ impl Files<'_> {
         let there =
             data.ok_or_else(|| tree.fault(place, "there is no such data set", "was the file changed?"))?;
         Ok(if there.is_number() {
-            Ok(Array::Data(Box::new(there)))
+            Ok(Array::Data(Box::new(there), Slab::default()))
         } else {
             Err("these are no numbers".into())
         })
     }
 
     /// The positions that a geometry tells, and how many there are.
-    fn positions(&mut self, geometry: &Node) -> Result<(Input, usize)> {
+    fn positions(&mut self, geometry: &'a Node<'a>) -> Result<(Input, usize)> {
         let path = self.path;
         let wrong = |what: String| Error::format(path, "Geometry", what, WAY_OUT);
         let kind =
@@ -229,7 +253,10 @@ impl Files<'_> {
         let mut all = Vec::new();
         for item in items {
             let points = match self.array(item)?.map_err(wrong)? {
-                Array::Data(data) => Points::Rows(data.rows(&[])?),
+                Array::Data(data, slab) => {
+                    let rows = data.rows(&slab.lead)?;
+                    Points::Rows(slab.cut(rows).map_err(wrong)?)
+                }
                 Array::Numbers(numbers) => Points::Numbers(numbers).in_rows_of(width),
             };
             all.push(points);
@@ -248,10 +275,17 @@ impl Files<'_> {
     }
 
     /// The values that an attribute has for `count` points; or why they are not read.
-    fn values(&mut self, attribute: &Node, count: usize) -> Result<std::result::Result<Points, String>> {
+    fn values(
+        &mut self,
+        attribute: &'a Node<'a>,
+        count: usize,
+    ) -> Result<std::result::Result<Points, String>> {
         let Some(item) = attribute.child("DataItem") else { return Ok(Err("it has no DataItem".into())) };
         let points = match self.array(item)? {
-            Ok(Array::Data(data)) => data.quantity(&[])?.map(Points::Rows),
+            Ok(Array::Data(data, slab)) => {
+                let rows = data.quantity(&slab.lead)?;
+                rows.and_then(|rows| slab.cut(rows)).map(Points::Rows)
+            }
             Ok(Array::Numbers(numbers)) => Ok(Points::Numbers(numbers)),
             Err(why) => Err(why),
         };
@@ -291,7 +325,7 @@ pub(crate) fn frame(
     let all = steps(path, &root)?;
     let changed = || Error::format(path, "", "there are fewer steps than before", "was the file changed?");
     let step = all.get((span.line as usize).wrapping_sub(1)).ok_or_else(changed)?;
-    let mut files = Files { path, trees: BTreeMap::new(), binaries: BTreeMap::new() };
+    let mut files = Files { path, root: &root, trees: BTreeMap::new(), binaries: BTreeMap::new() };
     let (mut columns, mut pieces, mut warnings) = (Vec::<Column>::new(), Vec::new(), Vec::new());
     let mut is_borrowed = false;
     for (place, grid) in step.grids.iter().enumerate() {
@@ -518,6 +552,60 @@ mod tests {
         assert!(left_out("").contains("no Dimensions"));
         std::fs::remove_file(place.path().join("a.bin")).unwrap();
         assert!(read(short).unwrap_err().to_string().contains("a.bin"));
+    }
+
+    #[test]
+    fn items_may_refer_to_others() {
+        let shared = "<DataItem Name=\"p/q\" Dimensions=\"3 3\">0 2 3 1 2 3 2 2 3</DataItem>";
+        let paths = [
+            "Reference=\"/Xdmf/Domain/DataItem[@Name='p/q']\"/>",
+            "Reference=\"/Xdmf/Domain/DataItem\"/>",
+            "Reference=\"XML\"> /Xdmf/Domain/DataItem[1] </DataItem>",
+        ];
+        let text = |path: &str| {
+            grid(&format!("<Geometry><DataItem {path}</Geometry>"), "")
+                .replace("<Domain>", &format!("<Domain>{shared}"))
+        };
+        for path in paths {
+            assert_eq!(at(&read(&text(path)).unwrap()[0].particles, 2), [2.0, 2.0, 3.0], "{path}");
+        }
+        let itself = "Reference=\"/Xdmf/Domain/Grid/Geometry/DataItem\"/>";
+        for (path, wrong) in [
+            (itself, "in a circle"),
+            ("Reference=\"/Xdmf/Range/[[\"/>", "not there"),
+            ("Reference=\"/Xdmf/Domain/DataItem[0]\"/>", "not there"),
+        ] {
+            let message = read(&text(path)).err().unwrap().to_string();
+            assert!(message.contains(wrong), "{message}");
+        }
+    }
+
+    #[test]
+    fn hyperslabs_take_rows() {
+        let slab = |numbers: &str, source: &str| {
+            format!(
+                "<DataItem ItemType=\"HyperSlab\"><DataItem Dimensions=\"3 2\">{numbers}</DataItem>{source}</DataItem>"
+            )
+        };
+        let rows = format!("{ITEM}step_0/position</DataItem>");
+        let mass = format!(
+            "<Attribute Name=\"mass\">{}</Attribute>",
+            slab("2 1 2", &format!("{ITEM}step_0/mass</DataItem>"))
+        );
+        let text = |numbers: &str| grid(&format!("<Geometry>{}</Geometry>", slab(numbers, &rows)), &mass);
+        let frame = read(&text("2 0 1 1 2 3")).unwrap().remove(0);
+        assert_eq!((frame.particles.len(), at(&frame.particles, 1)), (2, [9.0, 10.0, 11.0]));
+        assert_eq!(frame.particles.attribute("mass").unwrap().number(1, 0), 3.0);
+        assert_eq!(read(&text("0 0 1 1 4 3")).unwrap()[0].warnings, ["left out: mass (2 rows for 4 points)"]);
+        for wrong in
+            ["2 0 1 1 3 3", "0 0 2 1 2 3", "0 1 1 1 4 2", "1 2 3", "", "18446744073709551615 0 1 1 2 3"]
+        {
+            let message = read(&text(wrong)).err().unwrap().to_string();
+            assert!(message.contains("HyperSlab"), "{wrong}: {message}");
+        }
+        let message =
+            read(&grid(&format!("<Geometry>{}</Geometry>", slab("0 0 1 1 1 3", POINTS)), "")).err().unwrap();
+        assert!(message.to_string().contains("1 DataItems, not two"), "{message}");
     }
 
     #[test]
