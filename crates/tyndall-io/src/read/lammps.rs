@@ -360,7 +360,10 @@ pub(super) fn coordinates(names: &[String]) -> Option<(Axes, bool)> {
     let place = |name: &str| names.iter().position(|it| it == name);
     let found = || COORDINATES.iter().map(|(axes, scaled)| (axes.map(place), *scaled));
     let is_flat = |it: &(Axes, bool)| it.0[..2].iter().all(Option::is_some);
-    found().find(|it| is_flat(it) && it.0[2].is_some()).or_else(|| found().find(is_flat))
+    let whole = found().find(|it| is_flat(it) && it.0[2].is_some());
+    // A z that is written in another way is none that may be passed over.
+    let has_z = found().any(|it| it.0[2].is_some());
+    whole.or_else(|| found().find(is_flat).filter(|_| !has_z))
 }
 
 /// The rows at the front of `text`, up to the next header.

@@ -86,6 +86,7 @@ fn two_dimensional_dumps_may_lack_z() {
         &read(&dump("xs ys", &["0.1 0.2"]).replace("0 10\r\nITEM: A", "-1 10\r\nITEM: A")).unwrap()[0];
     assert_eq!(frame.particles.positions().world(0), DVec3::new(1.0, 2.0, -1.0));
     assert_eq!(frame.conventions[1], "two-dimensional: at the lower face of the cell");
+    assert!(read(&dump("xu yu zs", &["1 2 0.3"])).is_err(), "there is a z, which does not belong to x and y");
 }
 
 #[test]
