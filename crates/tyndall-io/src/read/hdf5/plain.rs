@@ -20,6 +20,8 @@ use crate::sequence::{Frame, Options};
 /// What positions are called, best first.
 pub(super) const NAMES: [&str; 10] =
     ["coordinates", "positions", "position", "pos", "points", "xyz", "coords", "vertices", "x", "r"];
+/// How PyTables calls the groups of its indexes.
+const INDEX: &str = "_i_";
 /// So deep are groups looked into.
 const DEPTH: usize = 8;
 
@@ -181,7 +183,7 @@ fn collect(
         }
     }
     if depth < DEPTH {
-        for name in group.groups()? {
+        for name in group.groups()?.into_iter().filter(|it| !it.starts_with(INDEX)) {
             if let Some(child) = group.group(&name)? {
                 collect(&child, depth + 1, places, seen)?;
             }

@@ -342,6 +342,9 @@ def tables():
     with h5py.File("table.h5", "w") as file:
         file.create_dataset("group/particles", data=axes, chunks=(2,), compression="gzip")
         file["group/beside"] = np.arange(5)
+        # An index of PyTables.
+        file["group/_i_particles/id/bounds"] = np.zeros((0, 3))
+        file["group/_i_particles/id/pos"] = np.zeros((2, 3))
     rows = np.zeros(3, [("mass", "f8"), ("Position", ">f4", (3,))])
     rows["Position"] = np.arange(9).reshape(3, 3)
     rows["mass"] = [1, 2, 3]
