@@ -214,6 +214,36 @@ fn changes_come_to_what_a_scene_made_that_way_shows() {
     change_at_random(&Cpu, (16, 6), &KINDS, |_, _, _, _| ());
 }
 
+/// Selects halves of a scene one after another, and compares every picture with that of a scene which shows only that half.
+fn select_in_turn(device: &impl Device, kinds: &[Kind]) {
+    let mut random = Random::new(5);
+    let (particles, radii) = particles(Law::Uniform, 300, &mut random);
+    let mut state = State::first(&particles, &mut random);
+    let bounds = particles.bounds();
+    let middle = (0.5 * (bounds.min + bounds.max)).as_dvec3();
+    for &kind in kinds {
+        state.half_spaces.clear();
+        let scene = state.scene(&particles, &radii, kind);
+        let mut it = device.take(Interactive::new(scene, state.camera, state.settings).unwrap());
+        let mut before = Vec::new();
+        for normal in [DVec3::X, DVec3::NEG_X, DVec3::Y] {
+            state.half_spaces = vec![HalfSpace { normal, distance: normal.dot(middle) }];
+            it.select(&[], &state.half_spaces).unwrap();
+            it.refine(&()).unwrap();
+            let expected =
+                device.whole(&state.scene(&particles, &radii, kind), &state.camera, &state.settings);
+            assert_eq!(differing_pixels(&expected, it.image()), 0, "{kind:?}, {normal}");
+            assert!(it.image().id != before, "{kind:?}, {normal}: nothing changed");
+            before.clone_from(&it.image().id);
+        }
+    }
+}
+
+#[test]
+fn a_selection_takes_the_place_of_the_one_before() {
+    select_in_turn(&Cpu, &KINDS);
+}
+
 /// A resident scene of a few hundred particles.
 fn resident(samples: u32) -> Interactive {
     let mut random = Random::new(5);
@@ -347,6 +377,13 @@ mod card {
         });
         println!("{differing} of {pixels} pixels differ from those of the CPU");
         assert!(differing * 200 < pixels, "{differing} of {pixels}");
+    }
+
+    #[test]
+    fn a_selection_takes_the_place_of_the_one_before() {
+        let Some(gpu) = device_that_hides() else { return };
+        // A hierarchy and a heap.
+        select_in_turn(&gpu, &[KINDS[0], KINDS[4]]);
     }
 
     #[test]
