@@ -1,4 +1,4 @@
-//! Groups, attributes and data sets of an HDF5 file: all that the readers know of the crate hdf5-reader.
+//! Groups, attributes and data sets of an HDF5 file: all that the readers know of the crate hdf5-reader, but for large chunks (`chunks.rs`).
 //!
 //! Invariant: a data set is only given out as [`Rows`] if the file could hold it, that is if its size is within what the
 //! strongest filter could have made of the bytes of the file, and of those that its links led to. So a damaged extent asks for no memory.
