@@ -169,19 +169,21 @@ impl EmissionSpec {
         }
     }
 
-    /// The grid that it is of, from a file of grids; `load` reads one by its name.
-    pub(super) fn of_grids(&self, load: impl Fn(&str) -> Outcome<Described>) -> Outcome<Option<Values>> {
-        let mut missing = None;
-        for name in self.names() {
-            match load(name) {
-                Ok(Described { grid, .. }) => return Ok(Some(Values::Own(name.into(), grid))),
-                Err(Failure::Library(error)) if is_absent(&error) => missing = missing.or(Some(error)),
-                Err(error) => return Err(error),
-            }
+    /// The grid that it is of, from a file of grids; `load` reads the first of some names that is there.
+    pub(super) fn of_grids(
+        &self,
+        load: impl FnOnce(&[&str]) -> Outcome<Described>,
+    ) -> Outcome<Option<Values>> {
+        if !self.is_of_particles() {
+            return Ok(None);
         }
-        match (missing, self.of_density()) {
-            (Some(error), None) => Err(of_flag(FLAG, error).into()),
-            (_, values) => Ok(values),
+        match load(&self.names()) {
+            Ok(Described { grid, name, .. }) => Ok(Some(Values::Own(name, grid))),
+            Err(Failure::Library(error)) if is_absent(&error) => match self.of_density() {
+                None => Err(of_flag(FLAG, error).into()),
+                values => Ok(values),
+            },
+            Err(error) => Err(error),
         }
     }
 

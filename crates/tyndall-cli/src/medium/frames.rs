@@ -173,11 +173,12 @@ impl Job<'_> {
         Ok(Selected { parts, particles, emitting, share })
     }
 
-    /// Renders densities from files; `load` gives the name and the density of a frame of `count`, or another array of the same file.
+    /// Renders densities from files; `load` gives the path and the density of a frame of `count`, or the first array of some names
+    /// that the same file has.
     pub(super) fn run_grids<'a>(
         &self,
         count: usize,
-        load: impl Fn(usize, Option<&str>) -> (&'a Path, Outcome<Described>),
+        load: impl Fn(usize, &[&str]) -> (&'a Path, Outcome<Described>),
     ) -> Outcome<()> {
         self.check()?;
         let mut output = Output::new(self.args, self.report)?;
@@ -197,15 +198,15 @@ impl Job<'_> {
             return Err(Failure::Usage(text.into()));
         }
         if self.args.method.dry_run {
-            let density = load(pictures[0].frame, None).1?.grid;
+            let density = load(pictures[0].frame, &[]).1?.grid;
             return self.dry_run(&density.lattice(), 0, 0.0, pictures.len());
         }
         let skips = self.args.frames.skip_existing;
         let done = plan::each_frame(&pictures, skips, self.report, |number, wanted, kept, written| {
             let own = number.min(own - 1);
-            let (path, density) = load(own, None);
-            let Described { grid, conventions } = density?;
-            let values = self.emission_spec().of_grids(|array| load(own, Some(array)).1)?;
+            let (path, density) = load(own, &[]);
+            let Described { grid, conventions, .. } = density?;
+            let values = self.emission_spec().of_grids(|names| load(own, names).1)?;
             let bodies = self.bodies(number, DVec3::ZERO, kept.as_ref())?;
             let content = Content { particles: None, length: None, bodies: bodies.as_ref() };
             let (medium, scene) = self.scene((grid, values), content, kept.as_ref())?;

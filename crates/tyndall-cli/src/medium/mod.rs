@@ -62,12 +62,13 @@ pub(crate) fn run(args: &Render, spheres: &[&Render], report: &Report) -> Outcom
     let spheres = &Sources::open(spheres, report)?;
     let job = Job { args, spheres, report };
     if let Some(grid) = &args.origin.grid {
-        return job.run_grids(1, |_, array| (grid.file(), grid.density(array, report)));
+        return job.run_grids(1, |_, names| (grid.file(), grid.density(names, report)));
     }
     if are_grids(files)? {
-        return job.run_grids(files.len(), |number, array| {
-            let array = array.or(args.input.dataset.as_deref());
-            let density = read::described_density(&files[number], array, 1.0, report.progress());
+        return job.run_grids(files.len(), |number, names| {
+            let of_density = args.input.dataset.as_deref();
+            let names = if names.is_empty() { of_density.as_slice() } else { names };
+            let density = read::described_density(&files[number], names, 1.0, report.progress());
             (&files[number], density.map_err(Failure::from))
         });
     }

@@ -58,23 +58,20 @@ impl Grid {
         &self.file
     }
 
-    /// Reads the density, or another array of the same file.
-    pub(crate) fn density(&self, array: Option<&str>, report: &Report) -> Outcome<Described> {
+    /// Reads the density, or the first array of `names` that the same file has.
+    pub(crate) fn density(&self, names: &[&str], report: &Report) -> Outcome<Described> {
         let Self { file, scale, .. } = self;
         let (size, spacing) = match (self.size, self.spacing) {
-            (Some(_), Some(_)) if array.is_some() => {
-                return Err(read::absent(
-                    array.unwrap_or_default(),
-                    "a raw file has one grid, without a name",
-                )
-                .into());
+            (Some(_), Some(_)) if !names.is_empty() => {
+                return Err(read::absent(names, "a raw file has one grid, without a name").into());
             }
             (Some(size), Some(spacing)) if self.array.is_none() => (size, spacing),
             (None, None) if self.sample.is_none() && self.origin.is_none() => {
                 // The scale is that of the density alone.
-                let scale = if array.is_some() { 1.0 } else { *scale };
-                let array = array.or(self.array.as_deref());
-                return Ok(read::described_density(file, array, scale, report.progress())?);
+                let scale = if names.is_empty() { *scale } else { 1.0 };
+                let of_density = self.array.as_deref();
+                let names = if names.is_empty() { of_density.as_slice() } else { names };
+                return Ok(read::described_density(file, names, scale, report.progress())?);
             }
             _ => {
                 let what = "[grid] is neither that of a raw file nor that of an OpenDX, OpenVDB or VTK file";
@@ -89,7 +86,8 @@ impl Grid {
             origin: DVec3::from(self.origin.unwrap_or_default()).as_vec3(),
             spacing: spacing as f32,
         };
-        Ok(Described { grid: read::density(file, &raw, report.progress())?, conventions: Vec::new() })
+        let grid = read::density(file, &raw, report.progress())?;
+        Ok(Described { grid, name: String::new(), conventions: Vec::new() })
     }
 }
 

@@ -406,7 +406,7 @@ fn a_damaged_temperature_is_not_passed_over() {
     let said = render("speed", 64, "").fine();
     assert!(said.contains("black body of the root of the density"), "{said}");
     render("speed", 64, "--emission blackbody")
-        .fails(2, &["--emission cannot be 'temperature'", "density, speed"]);
+        .fails(2, &["--emission cannot be 'temperature, Temperatures", "density, speed"]);
 }
 
 const SCENE: &str = "

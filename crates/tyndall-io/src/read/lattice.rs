@@ -22,6 +22,8 @@ const EQUAL: f64 = 1e-4;
 pub struct Described {
     /// The density.
     pub grid: Grid,
+    /// What the file calls it; empty if it has no name.
+    pub name: String,
     /// What was guessed or changed, one line each.
     pub conventions: Vec<String>,
 }
@@ -38,13 +40,14 @@ pub(super) struct Samples {
 }
 
 /// Reads a grid from a file that says where its samples lie: an OpenDX field (`.dx`), a VTK image (`.vti`), legacy VTK structured
-/// points, or OpenVDB (`.vdb`). `array` names one of several arrays or grids; `scale` is the density of a sample of value 1.
+/// points, or OpenVDB (`.vdb`). Of several arrays or grids it is the first of `names` that the file has, or the file's density if no names
+/// are given; `scale` is the density of a sample of value 1.
 ///
-/// Fails with [`Error::Format`] if the file is damaged or of another format, and with [`Error::Setting`] if it has nothing of that
-/// name (see [`is_absent`]) and where [`Grid::from_dense`] does: a negative density, for example.
+/// Fails with [`Error::Format`] if the file is damaged or of another format, and with [`Error::Setting`] if it has nothing of those
+/// names (see [`is_absent`]) and where [`Grid::from_dense`] does: a negative density, for example.
 pub fn described_density(
     path: &Path,
-    array: Option<&str>,
+    names: &[&str],
     scale: f64,
     progress: &dyn Progress,
 ) -> Result<Described> {
@@ -53,7 +56,7 @@ pub fn described_density(
     }
     let (head, packing) = super::head(path)?;
     if vdb::recognise(&head) {
-        return vdb::described(path, array, scale, progress);
+        return vdb::described(path, names, scale, progress);
     }
     if !vtk::recognise(&head) && !is_dx(&head) {
         let what = "neither OpenDX, OpenVDB nor a VTK image: the file does not say where its samples lie";
@@ -72,14 +75,14 @@ pub fn described_density(
     };
     progress.begin("read", Some(bytes.len() as u64), "B");
     let mut conventions = Vec::new();
-    let samples = if vtk::recognise(&head) {
-        let (samples, name) = vtk::image(path, bytes, array)?;
+    let (samples, name) = if vtk::recognise(&head) {
+        let (samples, name) = vtk::image(path, bytes, names)?;
         conventions.push(format!("density: array '{name}'"));
-        samples
-    } else if let Some(array) = array {
-        return Err(absent(array, "an OpenDX file has one grid, without a name"));
+        (samples, name)
+    } else if names.is_empty() {
+        (dx(path, bytes)?, String::new())
     } else {
-        dx(path, bytes)?
+        return Err(absent(names, "an OpenDX file has one grid, without a name"));
     };
     progress.advance(bytes.len() as u64);
     let (mut samples, changed) = samples.cubic(path)?;
@@ -88,15 +91,15 @@ pub fn described_density(
     let origin = Vec3::from_array(samples.origin.map(|it| it as f32));
     let size = samples.size.map(|it| it as u32);
     let grid = Grid::from_dense(origin, samples.spacing[0] as f32, size, &samples.values)?;
-    Ok(Described { grid, conventions })
+    Ok(Described { grid, name, conventions })
 }
 
 /// The setting that names one of several arrays or grids of a file.
 const ARRAY: &str = "array";
 
-/// Why a file has no array or grid called `name`: what it has instead.
-pub fn absent(name: &str, found: &str) -> Error {
-    Error::setting(ARRAY, name, found)
+/// Why a file has no array or grid of any of `names`: what it has instead.
+pub fn absent(names: &[&str], found: &str) -> Error {
+    Error::setting(ARRAY, names.join(", "), found)
 }
 
 /// Whether an array or a grid could not be read only because the file has nothing of that name.
@@ -282,10 +285,10 @@ fn dx_values(text: &[u8], size: [usize; 3], count: usize) -> std::result::Result
 mod tests {
     use super::*;
 
-    fn read(bytes: &[u8], array: Option<&str>) -> Result<Described> {
+    fn read(bytes: &[u8], names: &[&str]) -> Result<Described> {
         let file = tempfile::NamedTempFile::new().unwrap();
         std::fs::write(file.path(), bytes).unwrap();
-        described_density(file.path(), array, 2.0, &())
+        described_density(file.path(), names, 2.0, &())
     }
 
     const DX: &str = "# a comment\nobject 1 class gridpositions counts 2 3 4\norigin 1 2 3\ndelta 0.5 0 0\ndelta 0 0.5 0\n\
@@ -295,7 +298,7 @@ mod tests {
 
     #[test]
     fn a_field_has_z_fastest_and_a_vtk_image_x() {
-        let Described { grid, conventions } = read(DX.as_bytes(), None).unwrap();
+        let Described { grid, conventions, .. } = read(DX.as_bytes(), &[]).unwrap();
         assert_eq!((grid.size(), grid.origin(), grid.spacing()), ([2, 3, 4], Vec3::new(1.0, 2.0, 3.0), 0.5));
         assert_eq!([grid.value(0, 0, 1), grid.value(0, 1, 0), grid.value(1, 2, 3)], [2.0, 8.0, 46.0]);
         assert!(conventions.is_empty());
@@ -312,33 +315,33 @@ mod tests {
             numbers.join(" ")
         );
         for text in [&vti, &vtk] {
-            for array in [None, Some("rho")] {
-                let Described { grid, conventions } = read(text.as_bytes(), array).unwrap();
+            for names in [&[][..], &["rho"], &["T", "rho", "v"]] {
+                let Described { grid, name, conventions } = read(text.as_bytes(), names).unwrap();
                 assert_eq!(
                     (grid.size(), grid.origin(), grid.spacing()),
                     ([2, 3, 4], Vec3::new(1.0, 2.0, 3.0), 0.5)
                 );
                 assert_eq!([grid.value(1, 0, 0), grid.value(0, 1, 0), grid.value(1, 2, 3)], [2.0, 4.0, 46.0]);
-                assert_eq!(conventions, ["density: array 'rho'"]);
+                assert_eq!((&*name, conventions), ("rho", vec!["density: array 'rho'".to_string()]));
             }
-            super::super::real_data::damage(text.as_bytes(), |bytes| drop(read(bytes, None)));
-            let error = read(text.as_bytes(), Some("T")).unwrap_err().to_string();
-            assert!(error.contains("'T'") && error.contains("rho"), "{error}");
+            super::super::real_data::damage(text.as_bytes(), |bytes| drop(read(bytes, &[])));
+            let error = read(text.as_bytes(), &["T", "heat"]).unwrap_err().to_string();
+            assert!(error.contains("'T, heat'") && error.contains("rho"), "{error}");
         }
         // Values of cells stand at the cells' middles.
         let cells = vti.replace("PointData", "CellData").replace("1 2 0 2 0 3", "1 3 0 3 0 4");
-        let Described { grid, .. } = read(cells.as_bytes(), None).unwrap();
+        let Described { grid, .. } = read(cells.as_bytes(), &[]).unwrap();
         assert_eq!((grid.size(), grid.origin()), ([2, 3, 4], Vec3::new(1.25, 2.25, 3.25)));
         // A flat piece at the far side has no place in them.
         let flat = cells.replace("Piece Extent='1 3", "Piece Extent='3 3");
-        assert!(read(flat.as_bytes(), None).unwrap_err().to_string().contains("not within"));
+        assert!(read(flat.as_bytes(), &[]).unwrap_err().to_string().contains("not within"));
     }
 
     #[test]
     fn unequal_distances_are_interpolated() {
         // A plane through space stays one: 12 x + 4 y + z in samples.
         let text = DX.replace("delta 0 0.5 0", "delta 0 0.25 0").replace("delta 0 0 0.5", "delta 0 0 1");
-        let Described { grid, conventions } = read(text.as_bytes(), None).unwrap();
+        let Described { grid, conventions, .. } = read(text.as_bytes(), &[]).unwrap();
         assert_eq!((grid.size(), grid.spacing()), ([3, 3, 13], 0.25));
         for (x, y, z) in [(0, 0, 0), (1, 0, 0), (1, 2, 5), (2, 2, 12)] {
             let wanted = 2.0 * (6.0 * f64::from(x) + 4.0 * f64::from(y) + 0.25 * f64::from(z));
@@ -362,12 +365,12 @@ mod tests {
             ("0 1 2\n", "0 1 x\n", "'x' was found"),
             ("object", "abject", "neither OpenDX"),
         ] {
-            let error = read(DX.replacen(from, to, 1).as_bytes(), None).unwrap_err().to_string();
+            let error = read(DX.replacen(from, to, 1).as_bytes(), &[]).unwrap_err().to_string();
             assert!(error.contains(what), "{to}: {error}");
         }
         let points = "# vtk DataFile Version 3.0\n\nASCII\nDATASET POLYDATA\nPOINTS 1 float\n1 2 3\n";
-        assert!(read(points.as_bytes(), None).unwrap_err().to_string().contains("no image"));
-        super::super::real_data::damage(DX.as_bytes(), |bytes| drop(read(bytes, None)));
+        assert!(read(points.as_bytes(), &[]).unwrap_err().to_string().contains("no image"));
+        super::super::real_data::damage(DX.as_bytes(), |bytes| drop(read(bytes, &[])));
     }
 
     #[test]
@@ -383,7 +386,7 @@ mod tests {
         assert_eq!(samples.spacing, [0.257021, 0.255063, 0.264779]);
         let greatest = samples.values.iter().copied().fold(0.0, f32::max);
         assert_eq!((samples.values[0], *samples.values.last().unwrap(), greatest), (0.0, 0.0, 12.6768));
-        let Described { grid, conventions } = described_density(&path, None, 1.0, &()).unwrap();
+        let Described { grid, conventions, .. } = described_density(&path, &[], 1.0, &()).unwrap();
         assert_eq!((grid.size(), grid.spacing(), conventions.len()), ([57, 52, 26], 0.255063, 1));
     }
 }

@@ -104,7 +104,7 @@ pub fn read(
         let file = File::open(path, bytes)?;
         let mut notes = Vec::new();
         let headers: Vec<&Header> = match names {
-            Some(names) => names.iter().map(|name| named(&file, name)).collect::<Result<_>>()?,
+            Some(names) => names.iter().map(|name| named(&file, &[name])).collect::<Result<_>>()?,
             None => {
                 let (read, others): (Vec<&Header>, Vec<&Header>) =
                     file.grids.iter().partition(|it| it.kind.value().is_some() && it.transform.is_ok());
@@ -132,16 +132,16 @@ pub fn read(
 /// Reads a scalar grid as a density: that of the name, else `density`, else the first. `scale` is the density of a value of 1.
 pub(crate) fn described(
     path: &Path,
-    name: Option<&str>,
+    names: &[&str],
     scale: f64,
     progress: &dyn Progress,
 ) -> Result<Described> {
     with_bytes(path, progress, |bytes| {
         let file = File::open(path, bytes)?;
         let mut scalars = file.grids.iter().filter(|it| it.kind.value().is_some_and(|it| it.0 == 1));
-        let header = match name {
-            Some(name) => named(&file, name)?,
-            None => scalars
+        let header = match names {
+            [_, ..] => named(&file, names)?,
+            [] => scalars
                 .clone()
                 .find(|it| it.name.eq_ignore_ascii_case("density"))
                 .or_else(|| scalars.next())
@@ -163,7 +163,7 @@ pub(crate) fn described(
         }
         let tree = read::tree(&file, header, progress)?;
         let grid = as_density::grid(path, (&tree, &transform, header.class), scale, &mut conventions)?;
-        Ok(Described { grid, conventions })
+        Ok(Described { grid, name: header.name.clone(), conventions })
     })
 }
 
@@ -197,10 +197,14 @@ fn list(file: &File) -> String {
     names.collect::<Vec<_>>().join(", ")
 }
 
-fn named<'a>(file: &'a File, name: &str) -> Result<&'a Header> {
-    let exactly = file.grids.iter().find(|it| it.name == name);
-    let found = exactly.or_else(|| file.grids.iter().find(|it| it.name.eq_ignore_ascii_case(name)));
-    found.ok_or_else(|| absent(name, &format!("the file has: {}", list(file))))
+/// The grid of the first of `names` that one has, exactly or but for capitals.
+fn named<'a>(file: &'a File, names: &[&str]) -> Result<&'a Header> {
+    let named = |name: &&str| {
+        let exactly = file.grids.iter().find(|it| it.name == *name);
+        exactly.or_else(|| file.grids.iter().find(|it| it.name.eq_ignore_ascii_case(name)))
+    };
+    let found = names.iter().find_map(named);
+    found.ok_or_else(|| absent(names, &format!("the file has: {}", list(file))))
 }
 
 fn transform_of(file: &File, header: &Header) -> Result<Transform> {

@@ -202,7 +202,7 @@ fn a_density_has_the_values_of_voxels_at_their_middles() {
             grid("Density", Class::FogVolume, tree.clone()),
         ];
         write(&path, &grids, Precision::Full, &()).unwrap();
-        let Described { grid, conventions } = described_density(&path, None, 1.0, &()).unwrap();
+        let Described { grid, conventions, .. } = described_density(&path, &[], 1.0, &()).unwrap();
         assert_eq!(conventions[0], "density: grid 'Density' of other (float), Density (float)");
         assert_eq!(conventions.len(), 1 + usize::from(seed % 4 == 0), "seed {seed}");
         let size = grid.size();
@@ -270,7 +270,7 @@ fn a_level_set_becomes_fog_as_openvdb_makes_it() {
         tree,
     };
     write(&path, &[ball], Precision::Full, &()).unwrap();
-    let Described { grid, conventions } = described_density(&path, Some("ball"), 2.0, &()).unwrap();
+    let Described { grid, conventions, .. } = described_density(&path, &["ball"], 2.0, &()).unwrap();
     assert!(conventions[1].contains("level set") && conventions[1].contains("0.75"), "{conventions:?}");
     let first = (grid.origin() / 0.25).as_ivec3();
     for (k, j, i) in
@@ -290,7 +290,7 @@ fn what_is_no_density_says_what_the_file_has() {
     let path = folder.path().join("a.vdb");
     let says = |grids: &[Grid], name: Option<&str>| {
         write(&path, grids, Precision::Full, &()).unwrap();
-        match described_density(&path, name, 1.0, &()) {
+        match described_density(&path, name.as_slice(), 1.0, &()) {
             Ok(Described { conventions, .. }) => conventions.join("; "),
             Err(error) => error.to_string(),
         }
@@ -333,7 +333,7 @@ fn a_file_of_openvdb_has_what_its_maker_put_there() {
     assert!(told.contains(&("density", "float", Class::FogVolume, 512 + vectors)), "{told:?}");
     assert!(told.iter().any(|it| (it.0, it.2) == ("ball", Class::LevelSet)), "{told:?}");
 
-    let Described { grid, .. } = described_density(&path, None, 1.0, &()).unwrap();
+    let Described { grid, .. } = described_density(&path, &[], 1.0, &()).unwrap();
     let at = |voxel: [f32; 3]| 0.25 * Vec3::from_array(voxel);
     assert_eq!([grid.density(at([20.0, 4.0, 12.0])), grid.density(at([40.0, 4.0, 12.0]))], [0.5, 0.0]);
     let (read, _) = super::read(&path, None, &()).unwrap();
@@ -351,7 +351,7 @@ fn a_file_of_openvdb_has_what_its_maker_put_there() {
     }
     assert_eq!(seen, vectors);
     // The ball of radius 1.5 around (3, 3, 3) is full but for half a voxel's fog.
-    let Described { grid, .. } = described_density(&path, Some("ball"), 1.0, &()).unwrap();
+    let Described { grid, .. } = described_density(&path, &["ball"], 1.0, &()).unwrap();
     for (x, wanted) in [(3.0, 1.0), (4.0, 1.0), (4.25, 0.5), (4.5, 0.0), (4.75, 0.0)] {
         assert!((grid.density(Vec3::new(x, 3.0, 3.0)) - wanted).abs() < 1e-3, "{x}");
     }
@@ -380,7 +380,7 @@ fn a_file_that_is_cut_is_never_read_in_silence() {
     crate::read::real_data::damage_some(&std::fs::read(&sample).unwrap(), |bytes| {
         std::fs::write(&path, bytes).unwrap();
         let _ = super::read(&path, None, &());
-        let _ = described_density(&path, None, 1.0, &());
+        let _ = described_density(&path, &[], 1.0, &());
     });
 }
 

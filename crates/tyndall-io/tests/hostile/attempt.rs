@@ -36,7 +36,7 @@ pub(crate) fn attempt(path: &Path, format: Option<&str>) -> std::result::Result<
         let whole = Options { assembly: Some("all".to_string()), ..options };
         drop(self::frames(path, &whole));
     }
-    if let Err(error) = read::described_density(path, None, 1.0, &()) {
+    if let Err(error) = read::described_density(path, &[], 1.0, &()) {
         judge(path, &error);
     }
     if let Err(error) = read::sky(path, [1.0; 3]) {

@@ -30,12 +30,12 @@ pub(super) struct Block<'a> {
     pub(super) cells: Vec<Array<'a>>,
 }
 
-/// Reads the scalars called `array`, or the first ones, of points if there are such, else of cells; and their name.
-pub(crate) fn image(path: &Path, bytes: &[u8], array: Option<&str>) -> Result<(Samples, String)> {
+/// Reads the scalars of the first of `names` that is there, or the first ones, of points if there are such, else of cells; and their name.
+pub(crate) fn image(path: &Path, bytes: &[u8], names: &[&str]) -> Result<(Samples, String)> {
     if legacy::recognise(bytes) {
-        return legacy::image(path, bytes)?.samples(path, array);
+        return legacy::image(path, bytes)?.samples(path, names);
     }
-    Document::read(path, bytes)?.image()?.samples(path, array)
+    Document::read(path, bytes)?.image()?.samples(path, names)
 }
 
 /// A file without samples at equal distances.
@@ -56,20 +56,19 @@ fn size_of(extent: [[i64; 2]; 3], of_cells: bool) -> Option<[usize; 3]> {
 }
 
 impl Image<'_> {
-    fn samples(&self, path: &Path, wanted: Option<&str>) -> Result<(Samples, String)> {
+    fn samples(&self, path: &Path, wanted: &[&str]) -> Result<(Samples, String)> {
         let fault = |what: String, hint: &str| Error::format(path, "", what, hint);
         let first =
             self.blocks.first().ok_or_else(|| fault("the image has no samples".into(), "save it again"))?;
         let all = first.points.iter().map(|it| (it, false)).chain(first.cells.iter().map(|it| (it, true)));
-        let mut scalars = all.filter(|(it, _)| it.components == 1);
+        let scalars = all.filter(|(it, _)| it.components == 1);
         let names: Vec<&str> = scalars.clone().map(|(it, _)| it.name.as_str()).collect();
-        let chosen = scalars.find(|(it, _)| wanted.is_none_or(|wanted| it.name == wanted));
-        let (chosen, of_cells) = chosen.ok_or_else(|| {
-            let found = format!("scalars of the file: {}", names.join(", "));
-            match wanted {
-                Some(wanted) => lattice::absent(wanted, &found),
-                None => fault("the image has no scalars".into(), "a density is an array of one component"),
-            }
+        let named = |name: &&str| scalars.clone().find(|(it, _)| it.name == *name);
+        let chosen =
+            wanted.iter().find_map(named).or_else(|| scalars.clone().next().filter(|_| wanted.is_empty()));
+        let (chosen, of_cells) = chosen.ok_or_else(|| match wanted {
+            [] => fault("the image has no scalars".into(), "a density is an array of one component"),
+            _ => lattice::absent(wanted, &format!("scalars of the file: {}", names.join(", "))),
         })?;
         let is_some = |size: &[usize; 3]| Samples::count(*size).is_some_and(|it| it > 0);
         let size = size_of(self.extent, of_cells).filter(is_some);
