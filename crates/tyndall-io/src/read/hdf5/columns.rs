@@ -9,7 +9,7 @@ use rayon::prelude::*;
 use tyndall::particles::{Columns, Values};
 use tyndall::{Error, Progress, Result};
 
-use super::tree::{BATCH_ROWS, NATIVE, Native, Rows};
+use super::rows::{BATCH_ROWS, NATIVE, Native, Rows};
 use crate::read::content::Content;
 use crate::read::numbers::{Kind, Order};
 use crate::read::records::{Builder, ORIGIN_COUNT, Source};

@@ -8,8 +8,8 @@ use std::sync::Arc;
 use tyndall::Result;
 
 use super::columns::{Input, Numbers, Term};
+use super::data::{Data, Member};
 use super::plain::NAMES;
-use super::tree::{Data, Member};
 use crate::read::content::Content;
 use crate::read::sections::Column;
 use crate::read::table;

@@ -13,7 +13,8 @@ use tyndall::particles::Attribute;
 use tyndall::scene::grouped;
 
 use super::h5md::Element;
-use super::tree::{Group, NATIVE, Rows, Tree};
+use super::rows::{NATIVE, Rows};
+use super::tree::{Group, Tree};
 use crate::read::records::Source;
 
 /// Names of lists that stand beside the quantities of their particles.

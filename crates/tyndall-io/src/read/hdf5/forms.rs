@@ -4,7 +4,7 @@
 //! Takes the message of a type and numbers as they are stored, gives numbers of a kind that holds them all.
 //! Source: HDF5 File Format Specification 3.0, "Datatype Message"; io_compression.c of SWIFT for the types that are common.
 
-use super::tree::Native;
+use super::rows::Native;
 use crate::read::numbers::Kind;
 
 /// Where the bits of a number are.

@@ -11,8 +11,9 @@ use tyndall::{Cell, DVec3, Progress, Result};
 
 use super::attributes::Attributes;
 use super::columns::{self, Input, Run};
+use super::data::Data;
 use super::swift::Support;
-use super::tree::{Data, Group, Tree};
+use super::tree::{Group, Tree};
 use crate::read::content;
 use crate::read::map;
 use crate::read::records;

@@ -8,7 +8,7 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use super::columns::Numbers;
-use super::tree::{MOST_WIDTH, NATIVE, Rows};
+use super::rows::{MOST_WIDTH, NATIVE, Rows};
 use crate::read::content::Content;
 use crate::read::numbers::{Kind, Order};
 use crate::read::vtk::{Node, numbers};

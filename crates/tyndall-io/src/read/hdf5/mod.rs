@@ -1,15 +1,16 @@
 //! HDF5, by what is in it: snapshots of Gadget, AREPO, GIZMO and SWIFT, H5MD trajectories, openPMD series, VTKHDF, or
 //! plain data sets.
 //!
-//! The crate hdf5-reader, pure Rust, finds groups and decodes chunks, but for large ones (`chunks.rs`); `tree.rs` is all else that knows it. A dialect says which data
-//! sets are positions and quantities (`Run`), and `columns.rs` brings their rows into columns, some thousand at a time, so that
-//! no data set is held as a whole beside its column.
+//! The crate hdf5-reader, pure Rust, finds groups and decodes chunks, but for large ones (`chunks.rs`): behind groups (`tree.rs`), data sets
+//! (`data.rs`) and their rows (`rows.rs`) no dialect knows it. A dialect says which data sets are positions and quantities (`Run`), and
+//! `columns.rs` brings their rows into columns, some thousand at a time, so that no data set is held as a whole beside its column.
 
 mod attributes;
 mod chunks;
 mod columns;
 mod compound;
 mod connectivity;
+mod data;
 mod filters;
 mod forms;
 mod gadget;
@@ -18,6 +19,7 @@ mod items;
 mod neighbors;
 mod openpmd;
 mod plain;
+mod rows;
 mod swift;
 mod tree;
 mod vtkhdf;

@@ -69,7 +69,7 @@ fn species<'a>(tree: &'a Tree, iteration: &str) -> Result<Vec<(String, Group<'a>
 /// A component of a record.
 enum Component {
     /// A number for each particle, times a factor.
-    Each(super::tree::Rows, f64),
+    Each(super::rows::Rows, f64),
     /// The same for all: the value in SI units, and for how many particles.
     All(f64, Option<usize>),
 }

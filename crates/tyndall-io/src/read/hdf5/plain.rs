@@ -12,7 +12,8 @@ use tyndall::{Cell, DVec3, Error, Positions, Progress, Result};
 
 use super::columns::{self, Input, Run, Term};
 use super::compound;
-use super::tree::{Data, Group, Tree};
+use super::data::Data;
+use super::tree::{Group, Tree};
 use crate::read::sections::{self, Column};
 use crate::read::{molecules, records, table};
 use crate::sequence::{Frame, Options};

@@ -8,8 +8,9 @@ use std::ops::Range;
 use tyndall::{Error, Progress, Result};
 
 use super::columns::{self, Input, Run};
+use super::data::Data;
 use super::plain::{Beside, beside};
-use super::tree::{Data, Group, Tree};
+use super::tree::{Group, Tree};
 use crate::read::{records, sections};
 use crate::sequence::{Frame, Options};
 
