@@ -4,6 +4,8 @@
 //! ones if an integer is too large for 24 bits of mantissa. Columns read in slices are joined by the same rules, so that the
 //! result depends on the content alone.
 
+pub(super) mod batch;
+
 use std::borrow::Cow;
 use std::collections::HashMap;
 

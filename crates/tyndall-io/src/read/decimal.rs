@@ -6,22 +6,25 @@
 //! floating point numbers accurately", 1990 (small numbers times exact powers of ten); W. Muła, "SIMD-ized conversion of decimal
 //! numbers", 2018 (digits to the right end of a vector by a table, then sums of neighbors).
 
+pub(super) mod group;
+
 use fearless_simd::{i16x8, i32x4, prelude::*, u8x16, u16x8, u64x2};
 
 /// So many bytes must follow for a number to be read here: a sign, what is looked at, and as much as an exponent may have.
-const WINDOW: usize = 32;
+pub(super) const WINDOW: usize = 32;
 /// How many bytes are looked at together.
 const WIDTH: usize = 16;
 
-/// Powers of ten that are exact, and the same below zero.
-static POWERS: [[f64; 23]; 2] = {
+/// Powers of ten that are exact, and the same below zero; behind them no numbers.
+static POWERS: [[f64; 32]; 2] = {
     let exact = [
         1e0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9, 1e10, 1e11, 1e12, 1e13, 1e14, 1e15, 1e16, 1e17,
         1e18, 1e19, 1e20, 1e21, 1e22,
     ];
-    let mut powers = [exact; 2];
+    let mut powers = [[f64::NAN; 32]; 2];
     let mut place = 0;
     while place < exact.len() {
+        powers[0][place] = exact[place];
         powers[1][place] = -exact[place];
         place += 1;
     }
@@ -107,36 +110,44 @@ fn with_exponent(
     decimals: usize,
     place: usize,
 ) -> Option<Found<f64>> {
-    let exponent = text.get(place + 1..)?;
-    let (is_small, signed) = match exponent.first() {
-        Some(b'-') => (true, 1),
-        Some(b'+') => (false, 1),
-        _ => (false, 0),
-    };
-    let digits = exponent[signed..].iter().take_while(|it| it.is_ascii_digit()).take(4).count();
-    if !(1..=3).contains(&digits) {
-        return None;
-    }
-    let digits = &exponent[signed..signed + digits];
-    let taken = place + 1 + signed + digits.len();
-    let exponent = digits.iter().fold(0, |value, digit| 10 * value + i32::from(digit - b'0'));
+    let (exponent, taken) = exponent(text.get(place..)?)?;
     let powers = POWERS[usize::from(is_negative)];
-    let value = match if is_small { -exponent } else { exponent } - decimals as i32 {
+    let value = match exponent - decimals as i32 {
         power @ -22..0 => size / powers[-power as usize],
         power @ 0..=22 => size * powers[power as usize],
         _ => return None,
     };
-    Some(Found { value, taken, next: *text.get(taken)? })
+    Some(Found { value, taken: place + taken, next: *text.get(place + taken)? })
+}
+
+/// The exponent at the front of `text`, with its letter, and how many bytes it takes.
+#[inline(always)]
+fn exponent(text: &[u8]) -> Option<(i32, usize)> {
+    let (b'e' | b'E', sign) = (*text.first()?, *text.get(1)?) else { return None };
+    let first = 1 + usize::from(matches!(sign, b'-' | b'+'));
+    let (mut exponent, mut taken) = (0, first);
+    while let Some(digit @ b'0'..=b'9') = text.get(taken) {
+        if taken == first + 3 {
+            return None;
+        }
+        exponent = 10 * exponent + i32::from(digit - b'0');
+        taken += 1;
+    }
+    (taken > first).then_some((if sign == b'-' { -exponent } else { exponent }, taken))
 }
 
 /// A number in single precision, rounded once.
 #[inline(always)]
 pub(super) fn single<S: Simd>(simd: S, text: &[u8]) -> Option<Found<f32>> {
     let Found { value, taken, next } = double(simd, text)?;
-    // Rounding twice errs only where the first rounding ends halfway between two single numbers; none is as small as those with
-    // fewer digits.
-    let is_halfway = value.to_bits() & 0x1fff_ffff == 0x1000_0000;
-    if is_halfway { None } else { Some(Found { value: value as f32, taken, next }) }
+    if is_halfway(value) { None } else { Some(Found { value: value as f32, taken, next }) }
+}
+
+/// Whether a number lies halfway between two in single precision: there rounding twice may err. It errs nowhere else, as none is as
+/// small as those with fewer digits.
+#[inline(always)]
+pub(super) fn is_halfway(value: f64) -> bool {
+    value.to_bits() & 0x1fff_ffff == 0x1000_0000
 }
 
 /// Whether a minus stands in front, and what follows it.
@@ -171,14 +182,20 @@ impl<S: Simd> Digits<S> {
     /// The number that the digits up to `end` are, but for the point at `point`.
     #[inline(always)]
     fn value(self, simd: S, point: usize, end: usize) -> u64 {
-        let digits = self.values.swizzle_dyn_precise(u8x16::simd_from(simd, ALIGNED[point % WIDTH][end]));
-        // Ten times one and its neighbor, in the upper byte of a product.
-        let twos: u16x8<S> = (digits.bitcast::<u16x8<S>>() * (10 << 8 | 1)) >> 8;
-        let weights = i16x8::simd_from(simd, [100, 1, 100, 1, 100, 1, 100, 1]);
-        let fours: i32x4<S> = twos.bitcast::<i16x8<S>>().pairwise_dot_product(weights);
+        let fours = fours(simd, self.values, &ALIGNED[point % WIDTH][end]);
         let [high, low]: [u64; 2] = fours.bitcast::<u64x2<S>>().into();
         eight(high) * 100_000_000 + eight(low)
     }
+}
+
+/// Four numbers of four digits each, from the digits that come from the places `aligned`.
+#[inline(always)]
+fn fours<S: Simd>(simd: S, values: u8x16<S>, aligned: &[u8; WIDTH]) -> i32x4<S> {
+    let digits = values.swizzle_dyn_precise(u8x16::simd_from(simd, *aligned));
+    // Ten times one and its neighbor, in the upper byte of a product.
+    let twos: u16x8<S> = (digits.bitcast::<u16x8<S>>() * (10 << 8 | 1)) >> 8;
+    let weights = i16x8::simd_from(simd, [100, 1, 100, 1, 100, 1, 100, 1]);
+    twos.bitcast::<i16x8<S>>().pairwise_dot_product(weights)
 }
 
 /// The number of eight digits that two of four are, the first one in the lower half.

@@ -4,6 +4,7 @@
 //! in order, every column by itself. Blocks and slices have fixed sizes, so the result does not depend on the number of threads. In
 //! flight are one block of text and its columns; all else is the final columns.
 
+mod fields;
 mod part;
 
 use rayon::prelude::*;

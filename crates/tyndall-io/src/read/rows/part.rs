@@ -1,4 +1,4 @@
-//! A slice of text to columns of its own, in one pass: no line end is looked for before its row is read.
+//! A slice of text to columns of its own: usual rows column by column, others in one pass, field by field.
 //!
 //! Invariant: fast readers of numbers decide nothing about meaning, as what they leave is read by slower ones.
 
@@ -6,8 +6,11 @@ use fearless_simd::{Level, Simd, dispatch};
 use fearless_simd_macros::simd;
 use tyndall::{DVec3, Error, Positions};
 
+use super::fields::Fields;
 use super::{Layout, Role, shortened, split};
+use crate::read::column::batch::Batch;
 use crate::read::column::{Column, Kind, Rest, Separator, double};
+use crate::read::decimal::group::Group;
 
 /// Why a slice could not be read.
 pub(super) enum Stop {
@@ -46,18 +49,23 @@ impl Part {
         Self { axes: Default::default(), columns, lines: 0 }
     }
 
-    /// Reads a slice in place of what was read before.
-    pub(super) fn read(&mut self, slice: &[u8], layout: &Layout) -> std::result::Result<(), Stop> {
+    /// Empties it for other rows.
+    fn restart(&mut self, layout: &Layout) {
         self.lines = 0;
         self.axes.iter_mut().for_each(Vec::clear);
         for (column, heading) in self.columns.iter_mut().zip(&layout.headings) {
             column.restart(heading.kind);
         }
+    }
+
+    /// Reads a slice in place of what was read before.
+    pub(super) fn read(&mut self, slice: &[u8], layout: &Layout) -> std::result::Result<(), Stop> {
+        self.restart(layout);
         let filled = dispatch!(Level::new(), simd => fill(simd, self, slice, layout));
         filled.map_err(|what| Stop::Fault { line: self.lines, what })
     }
 
-    /// Reads the lines of `text`, in one pass.
+    /// Reads the lines of `text`: those whose fields are found together column by column, others in one pass.
     #[inline(always)]
     fn rows_between<S: Simd>(
         &mut self,
@@ -65,9 +73,18 @@ impl Part {
         text: &[u8],
         layout: &Layout,
         separator: Separator,
+        mut together: Option<(Fields, Box<Group>)>,
     ) -> std::result::Result<(), String> {
         let mut at = 0;
         while at < text.len() {
+            if let Some((fields, group)) = &mut together {
+                let (rows, end) = fields.find(simd, &text[at..], layout.roles.len(), layout.gaps);
+                if end > 0 {
+                    self.columns(simd, group, rows, layout).ok_or_else(String::new)?;
+                    at += end;
+                    continue;
+                }
+            }
             let may_be_gap = layout.gaps && matches!(text[at], 0..=b' ' | b'#');
             at = if may_be_gap && is_gap(Rest(&text[at..]).line()) {
                 next_line(text, at)
@@ -77,6 +94,30 @@ impl Part {
             self.lines += 1;
         }
         Ok(())
+    }
+
+    /// Reads rows column by column; `None` if a field of them cannot be read, and then what was appended is of no use.
+    #[inline(always)]
+    fn columns<S: Simd>(&mut self, simd: S, group: &mut Group, rows: Batch, layout: &Layout) -> Option<()> {
+        let first = self.rows();
+        self.axes.iter_mut().for_each(|axis| axis.resize(first + rows.rows(), 0.0));
+        for (field, role) in layout.roles.iter().enumerate() {
+            if let Role::Axis(axis) = *role {
+                rows.doubles(simd, group, field, &mut self.axes[axis][first..])?;
+            }
+        }
+        if let Some(scaled) = &layout.scaled {
+            for row in first..self.rows() {
+                let place = scaled.place(self.axes.each_ref().map(|axis| axis[row]));
+                (0..3).for_each(|axis| self.axes[axis][row] = place[axis]);
+            }
+        }
+        for (place, column) in self.columns.iter_mut().enumerate() {
+            let own = (0..layout.roles.len()).filter(|&field| layout.roles[field] == Role::Attribute(place));
+            column.extend(simd, group, rows, &own.collect::<Vec<_>>())?;
+        }
+        self.lines += rows.rows() as u64;
+        Some(())
     }
 
     /// How many particles it has.
@@ -185,8 +226,16 @@ impl Part {
 fn fill<S: Simd>(simd: S, part: &mut Part, text: &[u8], layout: &Layout) -> std::result::Result<(), String> {
     // Between blanks nearly all numbers stand: the loops for them are made apart.
     match layout.separator {
-        Separator::BLANKS => part.rows_between(simd, text, layout, Separator::BLANKS),
-        other => part.rows_between(simd, text, layout, other),
+        Separator::BLANKS => {
+            let together = Some((Fields::new(), Group::new()));
+            if part.rows_between(simd, text, layout, Separator::BLANKS, together).is_ok() {
+                return Ok(());
+            }
+            // Of all lines that cannot be read the first one is told.
+            part.restart(layout);
+            part.rows_between(simd, text, layout, Separator::BLANKS, None)
+        }
+        other => part.rows_between(simd, text, layout, other, None),
     }
 }
 
@@ -239,4 +288,68 @@ fn wrong_value(line: &[u8], layout: &Layout, field: usize, rest: &[u8]) -> Strin
         return wrong_count(line, layout);
     }
     format!("wanted {wanted} for {name} (column {}), found '{}'", field + 1, shortened(token))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::read::rows::{Heading, Scaled};
+
+    #[test]
+    fn columns_read_together_are_those_of_single_rows() {
+        let mut state = 5u64;
+        let mut random = |below: usize| {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            (state >> 33) as usize % below
+        };
+        let usual = ["0", "-1.5", "102.364", "0.000123", "16777216", "-3.", "7", "1e-3"];
+        let unusual =
+            ["nan", "1e300", "12345678901234567890", "+4", "16777217.0", "1.00000005960464", "****"];
+        let kinds = [Kind::Integer, Kind::Float, Kind::Text, Kind::Truth];
+        let vectors = [DVec3::X, 2.0 * DVec3::Y, DVec3::new(0.5, 0.0, 3.0)];
+        let cell = tyndall::Cell { origin: DVec3::ONE, vectors, periodic: [true; 3] };
+        for round in 0..200 {
+            let headings: Vec<Heading> = (0..random(4))
+                .map(|place| {
+                    let components = 1 + random(3);
+                    Heading { components, ..Heading::scalar(format!("a{place}"), kinds[random(4)]) }
+                })
+                .collect();
+            let mut roles: Vec<Role> = (0..3).map(Role::Axis).collect();
+            for (place, heading) in headings.iter().enumerate() {
+                let at = random(roles.len() + 1);
+                roles.splice(at..at, vec![Role::Attribute(place); heading.components]);
+            }
+            roles.insert(random(roles.len() + 1), Role::Skipped);
+            let scaled = (round % 3 == 0).then_some(Scaled::Fractions(cell));
+            let layout =
+                Layout { separator: Separator::BLANKS, roles, headings, scaled, gaps: true, origin: None };
+            let mut text = String::new();
+            for _ in 0..random(3000) {
+                for role in &layout.roles {
+                    let is_truth =
+                        matches!(*role, Role::Attribute(it) if layout.headings[it].kind == Kind::Truth);
+                    text += match (is_truth, random(500)) {
+                        (true, other) => ["T", "0", "false"][other % 3],
+                        (false, 0) => unusual[random(unusual.len())],
+                        _ => usual[random(usual.len())],
+                    };
+                    text += [" ", "  ", "\t"][random(3)];
+                }
+                text += ["\n", "\n", "\r\n", "\n\n", "# a remark\n", "\n# 1 2 3 4 5 6 7\n"][random(6)];
+            }
+            let (mut together, mut single) = (Part::new(&layout), Part::new(&layout));
+            assert!(together.read(text.as_bytes(), &layout).is_ok());
+            let filled = dispatch!(Level::new(), simd => {
+                single.rows_between(simd, text.as_bytes(), &layout, Separator::BLANKS, None)
+            });
+            assert_eq!((filled, together.lines), (Ok(()), single.lines), "round {round}");
+            // What is no number equals nothing: the text of all tells of it.
+            let told = |part: Part| {
+                let values: Vec<_> = part.columns.into_iter().map(Column::into_values).collect();
+                format!("{:?} {values:?}", part.axes)
+            };
+            assert!(told(together) == told(single), "round {round}");
+        }
+    }
 }

@@ -1,0 +1,173 @@
+//! Columns of rows whose fields were found: read column by column, many numbers at once.
+//!
+//! Invariant: fast readers decide nothing about meaning. Where a group of numbers has one that is not of every day, the group is read one
+//! by one as rows are.
+
+use fearless_simd::Simd;
+
+use super::{Column, Rest, Separator, double, single};
+use crate::read::decimal;
+use crate::read::decimal::group::{GROUP, Group};
+
+/// Rows of text, between blanks.
+#[derive(Clone, Copy)]
+pub(crate) struct Batch<'a> {
+    /// The text that they stand in, and what follows.
+    pub(crate) text: &'a [u8],
+    /// Where the fields begin, row by row.
+    pub(crate) starts: &'a [u16],
+    /// How many fields a row has, at least one.
+    pub(crate) fields: usize,
+}
+
+impl<'a> Batch<'a> {
+    /// How many rows there are.
+    pub(crate) fn rows(self) -> usize {
+        self.starts.len() / self.fields
+    }
+
+    /// What begins with a field of each row.
+    #[inline(always)]
+    fn rests(self, field: usize) -> impl Iterator<Item = Rest<'a>> {
+        self.each(field).map(move |start| Rest(&self.text[usize::from(start)..]))
+    }
+
+    /// Where a field of each row begins.
+    #[inline(always)]
+    fn each(self, field: usize) -> impl Iterator<Item = u16> {
+        self.starts.chunks_exact(self.fields).map(move |row| row[field])
+    }
+
+    /// The rows, some at a time.
+    #[inline(always)]
+    fn groups(self) -> impl Iterator<Item = Self> {
+        self.starts.chunks(GROUP * self.fields).map(move |starts| Self { starts, ..self })
+    }
+
+    /// A field of each row of a group, if all are everyday numbers, or integers.
+    #[inline(always)]
+    fn read<S: Simd>(
+        self,
+        simd: S,
+        group: &mut Group,
+        field: usize,
+        integers: bool,
+    ) -> Option<&[f64; GROUP]> {
+        let (mut starts, mut count) = ([0; GROUP], 0);
+        for (to, start) in starts.iter_mut().zip(self.each(field)) {
+            *to = start;
+            count += 1;
+        }
+        group.read(simd, self.text, &starts[..count], integers)
+    }
+
+    /// Reads a field of each row into `values`; `None` if one of them is no number.
+    #[inline(always)]
+    pub(crate) fn doubles<S: Simd>(
+        self,
+        simd: S,
+        group: &mut Group,
+        field: usize,
+        values: &mut [f64],
+    ) -> Option<()> {
+        // Numbers of a column look alike: where one is not of every day, those below it are read one by one.
+        let mut are_everyday = true;
+        for (rows, values) in self.groups().zip(values.chunks_mut(GROUP)) {
+            if are_everyday && let Some(found) = rows.read(simd, group, field, false) {
+                values.copy_from_slice(&found[..values.len()]);
+                continue;
+            }
+            are_everyday = false;
+            for (value, rest) in values.iter_mut().zip(rows.rests(field)) {
+                *value = double(simd, rest, Separator::BLANKS)?.0;
+            }
+        }
+        Some(())
+    }
+
+    /// The same in single precision, of several fields whose values stand beside each other.
+    #[inline(always)]
+    fn singles<S: Simd>(
+        self,
+        simd: S,
+        group: &mut Group,
+        fields: &[usize],
+        values: &mut [f32],
+    ) -> Option<()> {
+        for (component, &field) in fields.iter().enumerate() {
+            let mut are_everyday = true;
+            for (rows, values) in self.groups().zip(values.chunks_mut(GROUP * fields.len())) {
+                let (mut singles, mut are_rounded) = ([0.0; GROUP], false);
+                if are_everyday && let Some(found) = rows.read(simd, group, field, false) {
+                    are_rounded = true;
+                    for (single, &value) in singles.iter_mut().zip(found) {
+                        *single = value as f32;
+                        are_rounded &= !decimal::is_halfway(value);
+                    }
+                }
+                if !are_rounded {
+                    are_everyday = false;
+                    for (value, rest) in singles.iter_mut().zip(rows.rests(field)) {
+                        *value = single(simd, rest, Separator::BLANKS)?.0;
+                    }
+                }
+                for (values, single) in values.chunks_exact_mut(fields.len()).zip(&singles) {
+                    values[component] = *single;
+                }
+            }
+        }
+        Some(())
+    }
+
+    /// Appends a field of each row to `values`, up to the first group that has others than everyday integers of 32 bits.
+    #[inline(always)]
+    fn integers<S: Simd>(self, simd: S, group: &mut Group, field: usize, values: &mut Vec<i32>) {
+        for rows in self.groups() {
+            let Some(found) = rows.read(simd, group, field, true) else { return };
+            let mut fit = true;
+            let integers = found.map(|value| {
+                // The lowest bits of a sum near 2^52 are those of the integer.
+                let integer = (value + 1.5 * 2f64.powi(52)).to_bits() as i32;
+                fit &= f64::from(integer) == value;
+                integer
+            });
+            if !fit {
+                return;
+            }
+            values.extend_from_slice(&integers[..rows.rows()]);
+        }
+    }
+}
+
+impl Column {
+    /// Appends some fields of each row; `None` if one of them does not fit the column.
+    #[inline(always)]
+    pub(crate) fn extend<S: Simd>(
+        &mut self,
+        simd: S,
+        group: &mut Group,
+        rows: Batch,
+        fields: &[usize],
+    ) -> Option<()> {
+        let mut done = 0;
+        match (&mut *self, fields) {
+            (Self::Float(column), _) => {
+                let first = column.len();
+                column.resize(first + rows.rows() * fields.len(), 0.0);
+                return rows.singles(simd, group, fields, &mut column[first..]);
+            }
+            (Self::Int(column), &[field]) => {
+                let first = column.len();
+                rows.integers(simd, group, field, column);
+                done = column.len() - first;
+            }
+            _ => {}
+        }
+        for row in rows.starts.chunks_exact(rows.fields).skip(done) {
+            for &field in fields {
+                self.push(simd, Rest(&rows.text[usize::from(row[field])..]), Separator::BLANKS)?;
+            }
+        }
+        Some(())
+    }
+}
