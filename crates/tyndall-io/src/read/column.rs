@@ -418,18 +418,17 @@ impl Default for Words {
     }
 }
 
-/// A word of up to seven bytes as a number that no other word has.
+/// A word of up to seven bytes, none of which is 0, as a number that no other one has: its bytes, the first one lowest.
 #[inline(always)]
 fn number_of_word(word: &[u8]) -> Option<u64> {
-    let length = word.len() as u64;
-    match word {
-        [] => Some(0),
-        // Up to three bytes without a step for each: its first, middle and last one.
-        [first, .., last] if length < 4 => Some(
-            length << 24 | u64::from(word[word.len() / 2]) << 16 | u64::from(*last) << 8 | u64::from(*first),
-        ),
-        [only] => Some(1 << 24 | u64::from(*only)),
-        _ => (length < 8).then(|| word.iter().fold(length, |number, &byte| number << 8 | u64::from(byte))),
+    let byte = |place: usize| u64::from(word[place]) << (8 * place);
+    match word.len() {
+        _ if word.contains(&0) => None,
+        0 => Some(0),
+        // Without a step for each byte: the first, the middle and the last one, which may be the same.
+        length @ 1..4 => Some(byte(0) | byte(length / 2) | byte(length - 1)),
+        length @ 4..8 => Some((0..length).map(byte).sum()),
+        _ => None,
     }
 }
 
@@ -449,17 +448,35 @@ impl Words {
     /// Appends a word.
     #[inline]
     pub(crate) fn push(&mut self, token: &[u8]) {
-        let number = number_of_word(token);
-        let code = match number {
-            Some(number) if self.short[slot(number)].0 == number => self.short[slot(number)].1,
-            _ => {
+        match number_of_word(token) {
+            Some(number) => self.push_short(number, token),
+            None => {
                 let code = self.code(token);
-                if let Some(number) = number {
-                    self.short[slot(number)] = (number, code);
-                }
-                code
+                self.codes.push(code);
             }
-        };
+        }
+    }
+
+    /// Appends the word at the front of a text, up to the first blank, without a branch for its length if it is short.
+    #[inline(always)]
+    fn push_front(&mut self, text: &[u8]) {
+        match text.first_chunk() {
+            Some(front) if blank(front) < 8 => {
+                let number = u64::from_le_bytes(*front) & !(u64::MAX << (8 * blank(front)));
+                self.push_short(number, &text[..blank(front)]);
+            }
+            _ => self.push(Rest(text).token(Separator::BLANKS).0),
+        }
+    }
+
+    /// Appends a word that has a number.
+    #[inline(always)]
+    fn push_short(&mut self, number: u64, token: &[u8]) {
+        let (known, mut code) = self.short[slot(number)];
+        if known != number {
+            code = self.code(token);
+            self.short[slot(number)] = (number, code);
+        }
         self.codes.push(code);
     }
 
@@ -547,6 +564,31 @@ mod tests {
         }
         let codes = (0..60).chain((0..60).rev()).collect();
         assert_eq!(column.into_values(), Values::Text { codes, names: words });
+    }
+
+    #[test]
+    fn words_are_told_apart_whatever_their_length() {
+        let mut all: Vec<String> = ["", "\0", "a\0", "a", "aa", "aaa", "Cu", "uC"].map(String::from).into();
+        all.extend((1..12).map(|length| "abcdefghijkl"[..length].to_string()));
+        all.extend((1..5).map(|length| "\u{e9}".repeat(length)));
+        all.sort();
+        all.dedup();
+        let (mut words, mut fronts) = (Words::default(), Words::default());
+        for word in all.iter().chain(all.iter().rev()) {
+            words.push(word.as_bytes());
+            let is_front = !word.is_empty() && !word.contains('\0');
+            fronts.push_front(if is_front { word } else { "x" }.as_bytes());
+        }
+        let count = all.len() as u32;
+        assert_eq!(words.codes, (0..count).chain((0..count).rev()).collect::<Vec<_>>());
+        let told = |words: &Words, place: usize| words.names[words.codes[place] as usize].clone();
+        for (place, word) in
+            all.iter().enumerate().filter(|(_, word)| !word.is_empty() && !word.contains('\0'))
+        {
+            assert_eq!(told(&fronts, place), *word);
+            fronts.push_front(format!("{word} and more").as_bytes());
+            assert_eq!(told(&fronts, fronts.len() - 1), *word);
+        }
     }
 
     #[test]

@@ -161,6 +161,10 @@ impl Column {
                 rows.integers(simd, group, field, column);
                 done = column.len() - first;
             }
+            (Self::Text(words), &[field]) => {
+                rows.rests(field).for_each(|Rest(text)| words.push_front(text));
+                return Some(());
+            }
             _ => {}
         }
         for row in rows.starts.chunks_exact(rows.fields).skip(done) {
