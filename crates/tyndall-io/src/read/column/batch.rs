@@ -9,15 +9,16 @@ use super::{Column, Rest, Separator, double, single};
 use crate::read::decimal;
 use crate::read::decimal::group::{GROUP, Group};
 
-/// Rows of text, between blanks.
+/// Rows of text.
 #[derive(Clone, Copy)]
 pub(crate) struct Batch<'a> {
     /// The text that they stand in, and what follows.
     pub(crate) text: &'a [u8],
     /// Where the fields begin, row by row.
     pub(crate) starts: &'a [u16],
-    /// How many fields a row has, at least one.
+    /// How many fields a row has, at least one, and what stands between them.
     pub(crate) fields: usize,
+    pub(crate) separator: Separator,
 }
 
 impl<'a> Batch<'a> {
@@ -58,7 +59,7 @@ impl<'a> Batch<'a> {
             *to = start;
             count += 1;
         }
-        group.read(simd, self.text, &starts[..count], integers)
+        group.read(simd, self.text, &starts[..count], self.separator.byte.unwrap_or(b' '), integers)
     }
 
     /// Reads a field of each row into `values`; `None` if one of them is no number.
@@ -79,7 +80,7 @@ impl<'a> Batch<'a> {
             }
             are_everyday = false;
             for (value, rest) in values.iter_mut().zip(rows.rests(field)) {
-                *value = double(simd, rest, Separator::BLANKS)?.0;
+                *value = double(simd, rest, self.separator)?.0;
             }
         }
         Some(())
@@ -108,7 +109,7 @@ impl<'a> Batch<'a> {
                 if !are_rounded {
                     are_everyday = false;
                     for (value, rest) in singles.iter_mut().zip(rows.rests(field)) {
-                        *value = single(simd, rest, Separator::BLANKS)?.0;
+                        *value = single(simd, rest, self.separator)?.0;
                     }
                 }
                 for (values, single) in values.chunks_exact_mut(fields.len()).zip(&singles) {
@@ -161,7 +162,7 @@ impl Column {
                 rows.integers(simd, group, field, column);
                 done = column.len() - first;
             }
-            (Self::Text(words), &[field]) => {
+            (Self::Text(words), &[field]) if rows.separator.byte.is_none() => {
                 rows.rests(field).for_each(|Rest(text)| words.push_front(text));
                 return Some(());
             }
@@ -169,7 +170,7 @@ impl Column {
         }
         for row in rows.starts.chunks_exact(rows.fields).skip(done) {
             for &field in fields {
-                self.push(simd, Rest(&rows.text[usize::from(row[field])..]), Separator::BLANKS)?;
+                self.push(simd, Rest(&rows.text[usize::from(row[field])..]), rows.separator)?;
             }
         }
         Some(())

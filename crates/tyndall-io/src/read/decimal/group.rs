@@ -58,7 +58,7 @@ impl Group {
     }
 
     /// Reads the numbers that begin at `starts` of `text`, at most [`GROUP`]; zeros follow them. `None` if not all are everyday ones: of at
-    /// most fifteen bytes between the sign and an exponent, which may not be large, with a blank or a control character behind, and not among
+    /// most fifteen bytes between the sign and an exponent, which may not be large, with a blank, a control character or `separator` behind, and not among
     /// the last bytes of the text; with `integers`, without a point and an exponent.
     #[inline(always)]
     pub(crate) fn read<S: Simd>(
@@ -66,6 +66,7 @@ impl Group {
         simd: S,
         text: &[u8],
         starts: &[u16],
+        separator: u8,
         integers: bool,
     ) -> Option<&[f64; GROUP]> {
         let count = starts.len().min(GROUP);
@@ -76,10 +77,10 @@ impl Group {
             *minus = u16::from(is_negative);
         }
         self.windows[count..].fill(ZERO);
-        self.find_bits(simd);
+        self.find_bits(simd, separator);
         match self.find_shapes(integers) {
             Shapes::Plain => {}
-            Shapes::Others if !integers => self.find_exponents(text, &starts[..count])?,
+            Shapes::Others if !integers => self.find_exponents(text, &starts[..count], separator)?,
             _ => return None,
         }
         for place in 0..count {
@@ -101,13 +102,14 @@ impl Group {
 
     /// From windows to bits.
     #[inline(always)]
-    fn find_bits<S: Simd>(&mut self, simd: S) {
+    fn find_bits<S: Simd>(&mut self, simd: S, separator: u8) {
         let (windows, _) = self.windows.as_flattened().as_chunks();
         for (place, window) in windows.iter().enumerate() {
             let bytes = u8x64::simd_from(simd, *window);
             self.others[place] = (bytes - b'0').simd_gt(9).to_bitmask().to_le_bytes();
             self.points[place] = bytes.simd_eq(b'.').to_bitmask().to_le_bytes();
-            self.ends[place] = bytes.simd_le(b' ').to_bitmask().to_le_bytes();
+            let ends = bytes.simd_le(b' ') | bytes.simd_eq(separator);
+            self.ends[place] = ends.to_bitmask().to_le_bytes();
         }
     }
 
@@ -141,14 +143,15 @@ impl Group {
     }
 
     /// Takes exponents together with decimals; `None` if something else stands behind a number.
-    fn find_exponents(&mut self, text: &[u8], starts: &[u16]) -> Option<()> {
+    fn find_exponents(&mut self, text: &[u8], starts: &[u16], separator: u8) -> Option<()> {
+        let ends = |byte: u8| byte <= b' ' || byte == separator;
         for (place, &start) in starts.iter().enumerate() {
             let end = usize::from(start + self.minuses[place]) + usize::from(self.shapes[place] & 15);
-            if text[end] <= b' ' {
+            if ends(text[end]) {
                 continue;
             }
             let (exponent, taken) = exponent(&text[end..])?;
-            if text.get(end + taken).is_none_or(|&behind| behind > b' ') {
+            if !text.get(end + taken).is_some_and(|&behind| ends(behind)) {
                 return None;
             }
             let (minus, decimals) = (self.scales[place] & 32, self.scales[place] & 15);
@@ -194,7 +197,7 @@ mod tests {
     fn read(text: &str, starts: &[u16], integers: bool) -> Option<[f64; GROUP]> {
         let [found, other] = [Level::new(), Level::baseline()].map(|level| {
             let mut group = Group::new();
-            dispatch!(level, simd => group.read(simd, text.as_bytes(), starts, integers).copied())
+            dispatch!(level, simd => group.read(simd, text.as_bytes(), starts, b';', integers).copied())
         });
         assert_eq!(found.map(|it| it.map(f64::to_bits)), other.map(|it| it.map(f64::to_bits)));
         found
@@ -206,7 +209,7 @@ mod tests {
         for word in words {
             starts.push(text.len() as u16);
             text += word;
-            text.push([' ', '\t', '\n'][starts.len() % 3]);
+            text.push([' ', '\t', '\n', ';'][starts.len() % 4]);
         }
         (text + &" 1".repeat(16), starts)
     }

@@ -60,7 +60,6 @@ impl Part {
 
     /// Reads a slice in place of what was read before.
     pub(super) fn read(&mut self, slice: &[u8], layout: &Layout) -> std::result::Result<(), Stop> {
-        self.restart(layout);
         let filled = dispatch!(Level::new(), simd => fill(simd, self, slice, layout));
         filled.map_err(|what| Stop::Fault { line: self.lines, what })
     }
@@ -78,7 +77,7 @@ impl Part {
         let mut at = 0;
         while at < text.len() {
             if let Some((fields, group)) = &mut together {
-                let (rows, end) = fields.find(simd, &text[at..], layout.roles.len(), layout.gaps);
+                let (rows, end) = fields.find(simd, &text[at..], layout.roles.len(), separator, layout.gaps);
                 if end > 0 {
                     self.columns(simd, group, rows, layout).ok_or_else(String::new)?;
                     at += end;
@@ -221,22 +220,32 @@ impl Part {
     }
 }
 
-/// Reads the lines of `text` into `part`; gives what is wrong with the one that cannot be read.
+/// Reads the lines of `text` into `part`, in place of what that had; gives what is wrong with the one that cannot be read.
 #[simd]
 fn fill<S: Simd>(simd: S, part: &mut Part, text: &[u8], layout: &Layout) -> std::result::Result<(), String> {
     // Between blanks nearly all numbers stand: the loops for them are made apart.
     match layout.separator {
-        Separator::BLANKS => {
-            let together = Some((Fields::new(), Group::new()));
-            if part.rows_between(simd, text, layout, Separator::BLANKS, together).is_ok() {
-                return Ok(());
-            }
-            // Of all lines that cannot be read the first one is told.
-            part.restart(layout);
-            part.rows_between(simd, text, layout, Separator::BLANKS, None)
-        }
-        other => part.rows_between(simd, text, layout, other, None),
+        Separator::BLANKS => fill_between(simd, part, text, layout, Separator::BLANKS),
+        other => fill_between(simd, part, text, layout, other),
     }
+}
+
+#[inline(always)]
+fn fill_between<S: Simd>(
+    simd: S,
+    part: &mut Part,
+    text: &[u8],
+    layout: &Layout,
+    separator: Separator,
+) -> std::result::Result<(), String> {
+    part.restart(layout);
+    let together = Some((Fields::new(), Group::new()));
+    if part.rows_between(simd, text, layout, separator, together).is_ok() {
+        return Ok(());
+    }
+    // Of all lines that cannot be read the first one is told.
+    part.restart(layout);
+    part.rows_between(simd, text, layout, separator, None)
 }
 
 /// Where the blanks end that begin at byte `at`.
@@ -322,26 +331,43 @@ mod tests {
             }
             roles.insert(random(roles.len() + 1), Role::Skipped);
             let scaled = (round % 3 == 0).then_some(Scaled::Fractions(cell));
-            let layout =
-                Layout { separator: Separator::BLANKS, roles, headings, scaled, gaps: true, origin: None };
+            let byte = [None, Some(b','), Some(b'\t'), Some(b';')][round % 4];
+            let separator = Separator { byte, decimal_comma: byte == Some(b';') };
+            let layout = Layout { separator, roles, headings, scaled, gaps: true, origin: None };
+            let between: &[&str] = match byte {
+                None => &[" ", "  ", "\t"],
+                Some(b',') => &[",", ",", " ,", ", "],
+                Some(b';') => &[";"],
+                _ => &["\t"],
+            };
             let mut text = String::new();
             for _ in 0..random(3000) {
-                for role in &layout.roles {
-                    let is_truth =
-                        matches!(*role, Role::Attribute(it) if layout.headings[it].kind == Kind::Truth);
-                    text += match (is_truth, random(500)) {
-                        (true, other) => ["T", "0", "false"][other % 3],
-                        (false, 0) => unusual[random(unusual.len())],
+                for (field, role) in layout.roles.iter().enumerate() {
+                    if field > 0 {
+                        text += between[random(between.len())];
+                    }
+                    let kind = match *role {
+                        Role::Attribute(it) => layout.headings[it].kind,
+                        _ => Kind::Float,
+                    };
+                    text += match (kind, random(500)) {
+                        (Kind::Truth, other) => ["T", "0", "false"][other % 3],
+                        (Kind::Float, 0) if byte.is_some() => "",
+                        (Kind::Text, 0) if byte.is_some() => "\"1 2\"",
+                        (_, 0) => unusual[random(unusual.len())],
+                        (Kind::Float, 1) if separator.decimal_comma => "1,5",
                         _ => usual[random(usual.len())],
                     };
-                    text += [" ", "  ", "\t"][random(3)];
                 }
-                text += ["\n", "\n", "\r\n", "\n\n", "# a remark\n", "\n# 1 2 3 4 5 6 7\n"][random(6)];
+                let remark = if byte.is_none() { " # a remark\n" } else { "\n" };
+                text += ["\n", " \n", "\r\n", "\n\n", remark, "\n# 1 2 3 4 5 6 7\n"][random(6)];
             }
             let (mut together, mut single) = (Part::new(&layout), Part::new(&layout));
-            assert!(together.read(text.as_bytes(), &layout).is_ok());
+            if let Err(Stop::Fault { line, what }) = together.read(text.as_bytes(), &layout) {
+                panic!("line {line}: {what}");
+            }
             let filled = dispatch!(Level::new(), simd => {
-                single.rows_between(simd, text.as_bytes(), &layout, Separator::BLANKS, None)
+                single.rows_between(simd, text.as_bytes(), &layout, separator, None)
             });
             assert_eq!((filled, together.lines), (Ok(()), single.lines), "round {round}");
             // What is no number equals nothing: the text of all tells of it.
