@@ -9,6 +9,23 @@ use super::{Column, Rest, Separator, double, single};
 use crate::read::decimal;
 use crate::read::decimal::group::{GROUP, Group};
 
+/// So many groups of a column are tried together in vain before the others are read one by one: numbers of a column look alike.
+const PATIENCE: u8 = 4;
+
+/// What reads the fields of many rows.
+pub(crate) struct Reader {
+    group: Box<Group>,
+    /// How many groups of each field were last tried in vain.
+    misses: Vec<u8>,
+}
+
+impl Reader {
+    /// For rows of so many fields.
+    pub(crate) fn new(fields: usize) -> Self {
+        Self { group: Group::new(), misses: vec![0; fields] }
+    }
+}
+
 /// Rows of text.
 #[derive(Clone, Copy)]
 pub(crate) struct Batch<'a> {
@@ -62,23 +79,32 @@ impl<'a> Batch<'a> {
         group.read(simd, self.text, &starts[..count], self.separator.byte.unwrap_or(b' '), integers)
     }
 
+    /// The same of numbers, if there is hope.
+    #[inline(always)]
+    fn numbers<S: Simd>(self, simd: S, reader: &mut Reader, field: usize) -> Option<&[f64; GROUP]> {
+        let misses = &mut reader.misses[field];
+        if *misses == PATIENCE {
+            return None;
+        }
+        let found = self.read(simd, &mut reader.group, field, false);
+        *misses = if found.is_some() { 0 } else { *misses + 1 };
+        found
+    }
+
     /// Reads a field of each row into `values`; `None` if one of them is no number.
     #[inline(always)]
     pub(crate) fn doubles<S: Simd>(
         self,
         simd: S,
-        group: &mut Group,
+        reader: &mut Reader,
         field: usize,
         values: &mut [f64],
     ) -> Option<()> {
-        // Numbers of a column look alike: where one is not of every day, those below it are read one by one.
-        let mut are_everyday = true;
         for (rows, values) in self.groups().zip(values.chunks_mut(GROUP)) {
-            if are_everyday && let Some(found) = rows.read(simd, group, field, false) {
+            if let Some(found) = rows.numbers(simd, reader, field) {
                 values.copy_from_slice(&found[..values.len()]);
                 continue;
             }
-            are_everyday = false;
             for (value, rest) in values.iter_mut().zip(rows.rests(field)) {
                 *value = double(simd, rest, self.separator)?.0;
             }
@@ -91,15 +117,14 @@ impl<'a> Batch<'a> {
     fn singles<S: Simd>(
         self,
         simd: S,
-        group: &mut Group,
+        reader: &mut Reader,
         fields: &[usize],
         values: &mut [f32],
     ) -> Option<()> {
         for (component, &field) in fields.iter().enumerate() {
-            let mut are_everyday = true;
             for (rows, values) in self.groups().zip(values.chunks_mut(GROUP * fields.len())) {
                 let (mut singles, mut are_rounded) = ([0.0; GROUP], false);
-                if are_everyday && let Some(found) = rows.read(simd, group, field, false) {
+                if let Some(found) = rows.numbers(simd, reader, field) {
                     are_rounded = true;
                     for (single, &value) in singles.iter_mut().zip(found) {
                         *single = value as f32;
@@ -107,7 +132,6 @@ impl<'a> Batch<'a> {
                     }
                 }
                 if !are_rounded {
-                    are_everyday = false;
                     for (value, rest) in singles.iter_mut().zip(rows.rests(field)) {
                         *value = single(simd, rest, self.separator)?.0;
                     }
@@ -146,7 +170,7 @@ impl Column {
     pub(crate) fn extend<S: Simd>(
         &mut self,
         simd: S,
-        group: &mut Group,
+        reader: &mut Reader,
         rows: Batch,
         fields: &[usize],
     ) -> Option<()> {
@@ -155,11 +179,11 @@ impl Column {
             (Self::Float(column), _) => {
                 let first = column.len();
                 column.resize(first + rows.rows() * fields.len(), 0.0);
-                return rows.singles(simd, group, fields, &mut column[first..]);
+                return rows.singles(simd, reader, fields, &mut column[first..]);
             }
             (Self::Int(column), &[field]) => {
                 let first = column.len();
-                rows.integers(simd, group, field, column);
+                rows.integers(simd, &mut reader.group, field, column);
                 done = column.len() - first;
             }
             (Self::Text(words), &[field]) if rows.separator.byte.is_none() => {

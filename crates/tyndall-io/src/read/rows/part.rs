@@ -8,9 +8,8 @@ use tyndall::{DVec3, Error, Positions};
 
 use super::fields::Fields;
 use super::{Layout, Role, shortened, split};
-use crate::read::column::batch::Batch;
+use crate::read::column::batch::{Batch, Reader};
 use crate::read::column::{Column, Kind, Rest, Separator, double};
-use crate::read::decimal::group::Group;
 
 /// Why a slice could not be read.
 pub(super) enum Stop {
@@ -72,14 +71,14 @@ impl Part {
         text: &[u8],
         layout: &Layout,
         separator: Separator,
-        mut together: Option<(Fields, Box<Group>)>,
+        mut together: Option<(Fields, Reader)>,
     ) -> std::result::Result<(), String> {
         let mut at = 0;
         while at < text.len() {
-            if let Some((fields, group)) = &mut together {
+            if let Some((fields, reader)) = &mut together {
                 let (rows, end) = fields.find(simd, &text[at..], layout.roles.len(), separator, layout.gaps);
                 if end > 0 {
-                    self.columns(simd, group, rows, layout).ok_or_else(String::new)?;
+                    self.columns(simd, reader, rows, layout).ok_or_else(String::new)?;
                     at += end;
                     continue;
                 }
@@ -97,12 +96,12 @@ impl Part {
 
     /// Reads rows column by column; `None` if a field of them cannot be read, and then what was appended is of no use.
     #[inline(always)]
-    fn columns<S: Simd>(&mut self, simd: S, group: &mut Group, rows: Batch, layout: &Layout) -> Option<()> {
+    fn columns<S: Simd>(&mut self, simd: S, reader: &mut Reader, rows: Batch, layout: &Layout) -> Option<()> {
         let first = self.rows();
         self.axes.iter_mut().for_each(|axis| axis.resize(first + rows.rows(), 0.0));
         for (field, role) in layout.roles.iter().enumerate() {
             if let Role::Axis(axis) = *role {
-                rows.doubles(simd, group, field, &mut self.axes[axis][first..])?;
+                rows.doubles(simd, reader, field, &mut self.axes[axis][first..])?;
             }
         }
         if let Some(scaled) = &layout.scaled {
@@ -113,7 +112,7 @@ impl Part {
         }
         for (place, column) in self.columns.iter_mut().enumerate() {
             let own = (0..layout.roles.len()).filter(|&field| layout.roles[field] == Role::Attribute(place));
-            column.extend(simd, group, rows, &own.collect::<Vec<_>>())?;
+            column.extend(simd, reader, rows, &own.collect::<Vec<_>>())?;
         }
         self.lines += rows.rows() as u64;
         Some(())
@@ -239,7 +238,7 @@ fn fill_between<S: Simd>(
     separator: Separator,
 ) -> std::result::Result<(), String> {
     part.restart(layout);
-    let together = Some((Fields::new(), Group::new()));
+    let together = Some((Fields::new(), Reader::new(layout.roles.len())));
     if part.rows_between(simd, text, layout, separator, together).is_ok() {
         return Ok(());
     }
