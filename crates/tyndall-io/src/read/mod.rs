@@ -593,6 +593,9 @@ pub(crate) fn recognise(path: &Path, options: &Options) -> Result<(&'static Form
         let table = FORMATS.iter().find(|it| it.names[0] == "csv").expect("tables are in the list");
         return Ok((table, packing));
     }
+    if let Some(error) = unreadable::explain_likely(path, &head) {
+        return Err(error);
+    }
     Err(table::unknown(path, &head))
 }
 

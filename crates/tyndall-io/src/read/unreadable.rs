@@ -8,6 +8,11 @@ use tyndall::Error;
 
 /// Tools of visual effects.
 const EFFECTS: &str = "export the points as PLY, or as classic .bgeo";
+/// Tables of astronomy.
+const ASTROPY: &str = "convert it with Astropy: Table.read(IN).write('OUT.csv'), or 'OUT.hdf5'";
+/// Molecules and crystals.
+const ASE: &str = "convert it: ase convert IN OUT.extxyz";
+const OPEN_BABEL: &str = "convert it: obabel IN -O OUT.pdb";
 
 struct Known {
     name: &'static str,
@@ -80,11 +85,10 @@ const KNOWN: &[Known] = &[
         is: |head| super::is_text(head) && head.contains(&b'\r') && !head.contains(&b'\n'),
         way_out: "end them with LF: tr '\\r' '\\n' < IN > OUT",
     },
-    Known {
-        name: "trajectory of ASE",
-        is: |head| head.starts_with(b"- of Ulm"),
-        way_out: "convert it: ase convert IN OUT.extxyz",
-    },
+    Known { name: "trajectory of ASE", is: |head| head.starts_with(b"- of Ulm"), way_out: ASE },
+    Known { name: "Tripos MOL2", is: |head| head_has(head, b"@<TRIPOS>"), way_out: OPEN_BABEL },
+    Known { name: "FITS", is: |head| head.starts_with(b"SIMPLE  ="), way_out: ASTROPY },
+    Known { name: "VOTable", is: |head| head_has(head, b"<VOTABLE"), way_out: ASTROPY },
     Known {
         name: "LAMMPS dump in YAML",
         is: |head| head.starts_with(b"---") && head_has(head, b"creator: LAMMPS"),
@@ -130,9 +134,43 @@ const KNOWN: &[Known] = &[
     },
 ];
 
+/// Each format of text that is told by what stands in its first lines: tables may look so, too.
+const LIKELY: &[Known] = &[
+    Known { name: "XCrySDen structure (XSF)", is: is_xsf, way_out: ASE },
+    Known {
+        name: "Gaussian cube",
+        is: is_cube,
+        way_out: "for its atoms: ase convert IN OUT.extxyz; for its grid save it as OpenDX, in VMD for example",
+    },
+    Known {
+        name: "MDL Molfile or SDF",
+        is: |head| lines(head).nth(3).is_some_and(is_count_of_molfile),
+        way_out: OPEN_BABEL,
+    },
+    Known {
+        name: "CHARMM coordinates (CARD)",
+        is: is_charmm_card,
+        way_out: "save it as PDB or GRO, in VMD or with MDAnalysis for example",
+    },
+    Known {
+        name: "AMBER restart in ASCII",
+        is: is_amber_restart,
+        way_out: "convert it: cpptraj -p TOPOLOGY -y IN -x OUT.nc",
+    },
+];
+
 /// The error about `path`, if its first bytes are those of a known format.
 pub(crate) fn explain(path: &Path, head: &[u8]) -> Option<Error> {
-    let known = KNOWN.iter().find(|it| (it.is)(head))?;
+    explain_one(KNOWN, path, head)
+}
+
+/// The same of formats that are but likely; for files that nobody calls a table.
+pub(crate) fn explain_likely(path: &Path, head: &[u8]) -> Option<Error> {
+    explain_one(LIKELY, path, head).filter(|_| super::is_text(head))
+}
+
+fn explain_one(formats: &[Known], path: &Path, head: &[u8]) -> Option<Error> {
+    let known = formats.iter().find(|it| (it.is)(head))?;
     let what = format!("this is a file of the format {}, which this version does not read yet", known.name);
     Some(Error::format(path, "", what, known.way_out))
 }
@@ -154,6 +192,57 @@ fn is_bi4(head: &[u8]) -> bool {
     head.starts_with(b"#File ") && head.get(58) == Some(&b'\n') && !super::is_text(head)
 }
 
+/// The lines at the front, without their ends.
+fn lines(head: &[u8]) -> impl Iterator<Item = &[u8]> {
+    head.split(|&byte| byte == b'\n').map(<[u8]>::trim_ascii_end)
+}
+
+/// The numbers of a line, if it has nothing else.
+fn numbers(line: &[u8]) -> Vec<f64> {
+    let text = std::str::from_utf8(line).unwrap_or("no numbers");
+    text.split_ascii_whitespace().map(str::parse).collect::<Result<_, _>>().unwrap_or_default()
+}
+
+/// Whether a line is one of counts and of a version, as Molfiles have it.
+fn is_count_of_molfile(line: &[u8]) -> bool {
+    line.ends_with(b"V2000") || line.ends_with(b"V3000")
+}
+
+/// Whether the first line that is no comment is a word with which XSF begins.
+fn is_xsf(head: &[u8]) -> bool {
+    const FIRST: [&[u8]; 7] =
+        [b"CRYSTAL", b"SLAB", b"POLYMER", b"MOLECULE", b"DIM-GROUP", b"ATOMS", b"ANIMSTEPS"];
+    let first = lines(head).map(<[u8]>::trim_ascii).find(|it| !it.is_empty() && it[0] != b'#');
+    let word = first.and_then(|it| it.split(u8::is_ascii_whitespace).next());
+    word.is_some_and(|it| FIRST.contains(&it))
+}
+
+/// Whether two lines of text stand before a count of atoms and three axes, a count and three numbers each, and atoms of five.
+fn is_cube(head: &[u8]) -> bool {
+    let numbers: Vec<Vec<f64>> = lines(head).skip(2).take(5).map(numbers).collect();
+    let counted = |it: &Vec<f64>| it.first().is_some_and(|it| *it != 0.0 && it.fract() == 0.0);
+    let widths: Vec<usize> = numbers.iter().map(Vec::len).collect();
+    matches!(widths[..], [4 | 5, 4, 4, 4, 5]) && numbers[..4].iter().all(counted)
+}
+
+/// Whether a title of lines with `*` stands before a count.
+fn is_charmm_card(head: &[u8]) -> bool {
+    let mut behind = lines(head).skip_while(|it| it.starts_with(b"*"));
+    let count = behind.next().map(|it| numbers(it.strip_suffix(b"EXT").unwrap_or(it)));
+    head.starts_with(b"*")
+        && count.is_some_and(|it| matches!(it[..], [count] if count >= 0.0 && count.fract() == 0.0))
+}
+
+/// Whether a count, and perhaps times, stand between a title and numbers of twelve digits each.
+fn is_amber_restart(head: &[u8]) -> bool {
+    let (count, first) = (lines(head).nth(1).map(numbers), lines(head).nth(2));
+    let is_count =
+        count.is_some_and(|it| (1..=3).contains(&it.len()) && it[0] >= 1.0 && it[0].fract() == 0.0);
+    let is_wide =
+        |line: &[u8]| matches!(line.len(), 36 | 72) && line.chunks(12).all(|it| numbers(it).len() == 1);
+    is_count && first.is_some_and(is_wide)
+}
+
 fn is_houdini_json(head: &[u8]) -> bool {
     head.starts_with(b"\x7fNSJb") || (head.starts_with(b"[") && head_has(head, b"\"fileversion\""))
 }
@@ -163,7 +252,9 @@ mod tests {
     use super::*;
 
     fn named(head: &[u8]) -> String {
-        explain(Path::new("file"), head).map_or_else(String::new, |error| error.to_string())
+        let path = Path::new("file");
+        let error = explain(path, head).or_else(|| explain_likely(path, head));
+        error.map_or_else(String::new, |error| error.to_string())
     }
 
     #[test]
@@ -171,7 +262,18 @@ mod tests {
         let bi4 = [&b"#File JPartDataBi4"[..], &[b' '; 40], b"\n\0\x01\0\0\0"].concat();
         let mut tar = vec![0; 512];
         tar[257..262].copy_from_slice(b"ustar");
-        let cases: [(&[u8], &str); 17] = [
+        let cases: [(&[u8], &str); 28] = [
+            (b"SIMPLE  =                    T / conforms to FITS standard", "FITS"),
+            (b"<?xml version=\"1.0\"?>\n<VOTABLE version=\"1.4\">\n<RESOURCE/></VOTABLE>\n", "VOTable"),
+            (b"# made by\n CRYSTAL\nPRIMVEC\n 1 0 0\n", "XSF"),
+            (b"ATOMS\n6 0.0 0.0 0.0\n1 1.0 0.0 0.0\n", "XSF"),
+            (b"t\nc\n 1 0. 0. 0.\n 2 1. 0. 0.\n 2 0. 1. 0.\n 2 0. 0. 1.\n 8 8. 0. 0. 0.\n 1. 2.\n 3. 4.\n", "cube"),
+            (b"@<TRIPOS>MOLECULE\nX\n 2 1 0 0 0\n", "MOL2"),
+            (b"X\n  prog\n\n  2  1  0  0  0  0            999 V2000\n    0.0000\n", "SDF"),
+            (b"* TITLE\n*\n    2\n    1    1 MET  N     24.96300  -4.50000   3.06000 PROT 1 0.0\n", "CHARMM"),
+            (b"* TITLE\n*\n         2  EXT\n         1         1  MET       N\n", "CHARMM"),
+            (b"name\n    1\n  24.9630000  -4.5000000   3.0600000\n", "cpptraj"),
+            (b"name\n    2  0.1E+01\n  24.9630000  -4.5000000   3.0600000  24.0110000  -3.4000000   3.1600000\n", "AMBER"),
             (&bi4, "DualSPHysics .bi4"),
             (&tar, "tar"),
             (b"- of UlmASE-Trajectory", "ASE"),
@@ -207,7 +309,15 @@ mod tests {
 
     #[test]
     fn plain_rows_are_nothing_known() {
-        for head in [&b"1 2 3 4 5\n1 2 3 4 5\n"[..], b"", b"\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0"] {
+        let heads = [
+            &b"1 2 3 4 5\n1 2 3 4 5\n"[..],
+            b"",
+            b"\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0",
+            b"* 1 2\n* 3 4\n",
+            b"a\n3\n1 2 3\n4 5 6\n",
+            b"a\nb\n1 2 3 4\n1 2 3 4\n1 2 3\n1 2 3 4\n\n\n\n",
+        ];
+        for head in heads {
             assert_eq!(named(head), "");
         }
     }
