@@ -19,7 +19,8 @@ const ZERO: [u8; WIDTH] = *b"0               ";
 /// Bits of windows, eight bytes for each [`TOGETHER`] of them.
 type Bits = [[u8; 8]; GROUP / TOGETHER];
 
-/// Numbers that are read together, and what is known of each between the passes.
+/// Numbers that are read together, and what is known of each between the passes. This is memory of its own: a compiler that knew all of it
+/// would carry bits from pass to pass one by one, a third of the speed away (BENCHMARKS.md).
 pub(crate) struct Group {
     /// The bytes behind the sign, and 1 if that is a minus.
     windows: [[u8; WIDTH]; GROUP],
@@ -58,8 +59,8 @@ impl Group {
     }
 
     /// Reads the numbers that begin at `starts` of `text`, at most [`GROUP`]; zeros follow them. `None` if not all are everyday ones: of at
-    /// most fifteen bytes between the sign and an exponent, which may not be large, with a blank, a control character or `separator` behind, and not among
-    /// the last bytes of the text; with `integers`, without a point and an exponent.
+    /// most fifteen bytes between the sign and an exponent, which may not be large, with a blank, a control character or `separator` behind,
+    /// and not among the last bytes of the text; with `integers`, without a point and an exponent.
     #[inline(always)]
     pub(crate) fn read<S: Simd>(
         &mut self,
