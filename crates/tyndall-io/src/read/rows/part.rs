@@ -11,6 +11,9 @@ use super::{Layout, Role, shortened, split};
 use crate::read::column::batch::{Batch, Reader};
 use crate::read::column::{Column, Kind, Rest, Separator, double};
 
+/// So often the number of lines doubles that are read one by one where rows were looked for in vain.
+const MISSES: u32 = 6;
+
 /// Why a slice could not be read.
 pub(super) enum Stop {
     Cancelled,
@@ -73,15 +76,21 @@ impl Part {
         separator: Separator,
         mut together: Option<(Fields, Reader)>,
     ) -> std::result::Result<(), String> {
-        let mut at = 0;
+        let (mut at, mut misses, mut wait) = (0, 0, 0);
         while at < text.len() {
-            if let Some((fields, reader)) = &mut together {
+            if wait > 0 {
+                wait -= 1;
+            } else if let Some((fields, reader)) = &mut together {
                 let (rows, end) = fields.find(simd, &text[at..], layout.roles.len(), separator, layout.gaps);
                 if end > 0 {
                     self.columns(simd, reader, rows, layout).ok_or_else(String::new)?;
                     at += end;
+                    misses = 0;
                     continue;
                 }
+                // Lines that are no usual rows often follow each other: ever more are read one by one before the next try.
+                misses = (misses + 1).min(MISSES);
+                wait = (1 << misses) - 1;
             }
             let may_be_gap = layout.gaps && matches!(text[at], 0..=b' ' | b'#');
             at = if may_be_gap && is_gap(Rest(&text[at..]).line()) {
