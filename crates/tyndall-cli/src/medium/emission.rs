@@ -174,10 +174,11 @@ impl EmissionSpec {
         &self,
         load: impl FnOnce(&[&str]) -> Outcome<Described>,
     ) -> Outcome<Option<Values>> {
-        if !self.is_of_particles() {
+        let names = self.names();
+        if names.is_empty() {
             return Ok(None);
         }
-        match load(&self.names()) {
+        match load(&names) {
             Ok(Described { grid, name, .. }) => Ok(Some(Values::Own(name, grid))),
             Err(Failure::Library(error)) if is_absent(&error) => match self.of_density() {
                 None => Err(of_flag(FLAG, error).into()),

@@ -129,7 +129,7 @@ pub fn read(
     })
 }
 
-/// Reads a scalar grid as a density: that of the name, else `density`, else the first. `scale` is the density of a value of 1.
+/// Reads a scalar grid as a density: the first of `names` that is there; without names `density`, else the first. `scale` is the density of a value of 1.
 pub(crate) fn described(
     path: &Path,
     names: &[&str],
