@@ -48,6 +48,7 @@ const KNOWN: &[Known] = &[
     Known { name: "Houdini JSON geometry (since version 12)", is: is_houdini_json, way_out: EFFECTS },
     Known { name: "Houdini blosc (.sc)", is: |head| head.starts_with(b"scf1"), way_out: EFFECTS },
     Known { name: "Alembic", is: |head| head.starts_with(b"Ogawa"), way_out: EFFECTS },
+    Known { name: "binary glTF (.glb)", is: |head| head.starts_with(b"glTF"), way_out: EFFECTS },
     Known {
         name: "binary USD",
         is: |head| head.starts_with(b"PXR-USDC"),
@@ -262,7 +263,8 @@ mod tests {
         let bi4 = [&b"#File JPartDataBi4"[..], &[b' '; 40], b"\n\0\x01\0\0\0"].concat();
         let mut tar = vec![0; 512];
         tar[257..262].copy_from_slice(b"ustar");
-        let cases: [(&[u8], &str); 28] = [
+        let cases: [(&[u8], &str); 29] = [
+            (b"glTF\x02\0\0\0", "glTF"),
             (b"SIMPLE  =                    T / conforms to FITS standard", "FITS"),
             (b"<?xml version=\"1.0\"?>\n<VOTABLE version=\"1.4\">\n<RESOURCE/></VOTABLE>\n", "VOTable"),
             (b"# made by\n CRYSTAL\nPRIMVEC\n 1 0 0\n", "XSF"),
