@@ -24,6 +24,11 @@ impl Reader {
     pub(crate) fn new(fields: usize) -> Self {
         Self { group: Group::new(), misses: vec![0; fields] }
     }
+
+    /// Begins another text of such rows.
+    pub(crate) fn restart(&mut self) {
+        self.misses.fill(0);
+    }
 }
 
 /// Rows of text.

@@ -79,6 +79,7 @@ impl Group {
         }
         self.windows[count..].fill(ZERO);
         self.find_bits(simd, separator);
+        self.factors = [1.0; GROUP];
         match self.find_shapes(integers) {
             Shapes::Plain => {}
             Shapes::Others if !integers => self.find_exponents(text, &starts[..count], separator)?,
@@ -135,7 +136,6 @@ impl Group {
             self.shapes[place] = (point << 4 | end) as u8;
             self.scales[place] = (self.minuses[place] << 5 | decimals) as u8;
         }
-        self.factors = [1.0; GROUP];
         match (are_numbers, are_plain) {
             (true, true) => Shapes::Plain,
             (true, false) => Shapes::Others,

@@ -42,13 +42,32 @@ pub(super) struct Part {
     pub(super) columns: Vec<Column>,
     /// How many lines it had.
     pub(super) lines: u64,
+    /// What reads rows together, once there were some.
+    together: Option<Box<Together>>,
+}
+
+/// What reads rows together.
+struct Together {
+    fields: Fields,
+    reader: Reader,
+    /// The fields of each attribute, in order.
+    own: Vec<Vec<usize>>,
+}
+
+impl Together {
+    fn new(layout: &Layout) -> Self {
+        let fields = layout.roles.len();
+        let of = |place: usize| (0..fields).filter(move |&it| layout.roles[it] == Role::Attribute(place));
+        let own = (0..layout.headings.len()).map(|place| of(place).collect()).collect();
+        Self { fields: Fields::new(), reader: Reader::new(fields), own }
+    }
 }
 
 impl Part {
     /// None yet.
     pub(super) fn new(layout: &Layout) -> Self {
         let columns = layout.headings.iter().map(|it| Column::new(it.kind, 0)).collect();
-        Self { axes: Default::default(), columns, lines: 0 }
+        Self { axes: Default::default(), columns, lines: 0, together: None }
     }
 
     /// Empties it for other rows.
@@ -74,16 +93,16 @@ impl Part {
         text: &[u8],
         layout: &Layout,
         separator: Separator,
-        mut together: Option<(Fields, Reader)>,
+        mut together: Option<&mut Together>,
     ) -> std::result::Result<(), String> {
         let (mut at, mut misses, mut wait) = (0, 0, 0);
         while at < text.len() {
             if wait > 0 {
                 wait -= 1;
-            } else if let Some((fields, reader)) = &mut together {
+            } else if let Some(Together { fields, reader, own }) = together.as_deref_mut() {
                 let (rows, end) = fields.find(simd, &text[at..], layout.roles.len(), separator, layout.gaps);
                 if end > 0 {
-                    self.columns(simd, reader, rows, layout).ok_or_else(String::new)?;
+                    self.columns(simd, (reader, own), rows, layout).ok_or_else(String::new)?;
                     at += end;
                     misses = 0;
                     continue;
@@ -105,7 +124,13 @@ impl Part {
 
     /// Reads rows column by column; `None` if a field of them cannot be read, and then what was appended is of no use.
     #[inline(always)]
-    fn columns<S: Simd>(&mut self, simd: S, reader: &mut Reader, rows: Batch, layout: &Layout) -> Option<()> {
+    fn columns<S: Simd>(
+        &mut self,
+        simd: S,
+        (reader, own): (&mut Reader, &[Vec<usize>]),
+        rows: Batch,
+        layout: &Layout,
+    ) -> Option<()> {
         let first = self.rows();
         self.axes.iter_mut().for_each(|axis| axis.resize(first + rows.rows(), 0.0));
         for (field, role) in layout.roles.iter().enumerate() {
@@ -119,9 +144,8 @@ impl Part {
                 (0..3).for_each(|axis| self.axes[axis][row] = place[axis]);
             }
         }
-        for (place, column) in self.columns.iter_mut().enumerate() {
-            let own = (0..layout.roles.len()).filter(|&field| layout.roles[field] == Role::Attribute(place));
-            column.extend(simd, reader, rows, &own.collect::<Vec<_>>())?;
+        for (column, own) in self.columns.iter_mut().zip(own) {
+            column.extend(simd, reader, rows, own)?;
         }
         self.lines += rows.rows() as u64;
         Some(())
@@ -247,8 +271,11 @@ fn fill_between<S: Simd>(
     separator: Separator,
 ) -> std::result::Result<(), String> {
     part.restart(layout);
-    let together = Some((Fields::new(), Reader::new(layout.roles.len())));
-    if part.rows_between(simd, text, layout, separator, together).is_ok() {
+    let mut together = part.together.take().unwrap_or_else(|| Box::new(Together::new(layout)));
+    together.reader.restart();
+    let read = part.rows_between(simd, text, layout, separator, Some(&mut together));
+    part.together = Some(together);
+    if read.is_ok() {
         return Ok(());
     }
     // Of all lines that cannot be read the first one is told.
