@@ -6,7 +6,7 @@ use std::path::Path;
 use std::process::ExitCode;
 
 use clap::CommandFactory;
-use clap::error::{Error, ErrorKind};
+use clap::error::{ContextKind, Error, ErrorKind};
 
 use crate::args::Cli;
 use crate::report::{Failure, print};
@@ -31,11 +31,53 @@ pub(crate) fn explain(error: &Error) -> ExitCode {
     failure.exit_code()
 }
 
+/// Flags of other programs, and what is here for them.
+const ELSEWHERE: [(&[&str], &str); 17] = [
+    (
+        &["--ao", "--ambient-occlusion", "--shadows"],
+        "part of the default look; --look headlight and --look flat are without",
+    ),
+    (&["--bg", "--background-color"], "--background COLOR"),
+    (&["--colormap", "--palette", "--lut"], "--cmap NAME"),
+    (&["--component"], "--color v.x, or --color '|v|'"),
+    (&["--cpu"], "--device cpu"),
+    (&["--density", "--kappa"], "--extinction X, per length where the density is 1"),
+    (&["--focal-point"], "--look-at X,Y,Z, or --center WHERE, which finds places, too"),
+    (&["--gpu"], "--device gpu"),
+    (
+        &["--height", "--resolution", "--width"],
+        "--size WIDTHxHEIGHT in pixels; how high what is shown is, --ortho HEIGHT",
+    ),
+    (&["--jobs", "--nthreads"], "--threads N"),
+    (&["--min-pixel", "--radius-clamp"], "--radius 'max(radius, R)', with the attribute of the radii"),
+    (&["--movie", "--mp4", "--gif", "--video"], "-o NAME.mp4, .gif or .webp, of all frames"),
+    (&["--phase"], "--phase-g G"),
+    (&["--transparent"], "--alpha"),
+    (&["--turntable", "--rotate", "--spin"], "--orbit 360"),
+    (&["--vmin", "--vmax", "--clim", "--limits"], "--range LOW:HIGH"),
+    (&["--zoom"], "--fov DEGREES, the fewer the nearer; with parallel rays --ortho HEIGHT"),
+];
+
+/// What is meant by a flag of another program.
+fn meant(error: &Error) -> Option<String> {
+    let context = |kind| error.get(kind).map(ToString::to_string);
+    let flag = context(ContextKind::InvalidArg)?;
+    if error.kind() == ErrorKind::InvalidValue
+        && flag.starts_with("--mode ")
+        && context(ContextKind::InvalidValue)? == "emission"
+    {
+        return Some("--mode cannot be 'emission' — try: --mode medium --optics emission".into());
+    }
+    let is_flag = |(flags, _): &&(&[&str], &str)| flags.contains(&&*flag);
+    let (_, instead) =
+        ELSEWHERE.iter().find(is_flag).filter(|_| error.kind() == ErrorKind::UnknownArgument)?;
+    Some(format!("there is no {flag}; here it is {instead}"))
+}
+
 /// The error in one line, without its layout. Where one of our own values was refused, its reason stands for itself.
 pub(crate) fn reason(error: &Error) -> String {
     if let Some(reason) = error.source().and_then(|source| source.downcast_ref::<tyndall::Error>()) {
-        let argument =
-            error.get(clap::error::ContextKind::InvalidArg).map(ToString::to_string).unwrap_or_default();
+        let argument = error.get(ContextKind::InvalidArg).map(ToString::to_string).unwrap_or_default();
         let flag = argument.split(' ').next().unwrap_or_default();
         return match reason {
             tyndall::Error::Setting { value, allowed, .. } if flag.starts_with("--") => {
@@ -44,13 +86,16 @@ pub(crate) fn reason(error: &Error) -> String {
             _ => reason.to_string(),
         };
     }
+    if let Some(meant) = meant(error) {
+        return meant;
+    }
     let text = error.render().to_string();
     let mut parts: Vec<String> = Vec::new();
     for line in text.lines().map(str::trim).filter(|line| !line.is_empty()) {
         if line.starts_with("Usage:") {
             break;
         }
-        if !line.starts_with("For more information") {
+        if !line.starts_with("For more information") && !line.starts_with("tip: to pass '-") {
             parts.push(line.trim_start_matches("error: ").to_string());
         }
     }

@@ -258,3 +258,22 @@ fn quiet_says_errors_only() {
     assert_eq!(folder.render("a.csv -o a.png -q").fine(), "");
     folder.render("a.csv -o a.png -q --color q").fails(2, &["no attribute 'q'"]);
 }
+
+#[test]
+fn flags_of_other_programs_name_those_of_this_one() {
+    let folder = Folder::new();
+    folder.file("a.xyz", line_of(5));
+    for (flag, parts) in [
+        ("--ao", ["there is no --ao", "default look"]),
+        ("--vmin 3", ["there is no --vmin", "--range LOW:HIGH"]),
+        ("--width=800", ["there is no --width", "--size WIDTHxHEIGHT"]),
+        ("--mode emission", ["'emission'", "--mode medium --optics emission"]),
+        ("--colour c_pe", ["--colour", "'--color'"]),
+    ] {
+        folder.render(&format!("a.xyz -o a.png {flag}")).fails(2, &parts);
+    }
+    let said = folder.render("a.xyz -o a.png --quux");
+    assert!(said.err.contains("'--quux'") && !said.err.contains("tip"), "{said:?}");
+    let layer = ["render", "a.xyz", "-o", "a.png", "--layer", "a.xyz --palette hot"];
+    folder.run(&layer).fails(2, &["--layer", "--cmap NAME"]);
+}
