@@ -26,7 +26,7 @@ use crate::output::{EncoderName, Pattern};
 use crate::project::Project;
 use crate::scene::Origin;
 use crate::shapes::Shapes;
-use crate::values::{Background, Degrees, Ortho, Size, Slice, count, length, point};
+use crate::values::{Background, Degrees, Ortho, Size, Slice, count, direction, length, point};
 
 /// Particle files to pictures: exact spheres, at any count.
 #[derive(Parser)]
@@ -395,8 +395,8 @@ pub(crate) struct CameraArgs {
     /// What it looks at [default: the middle of the particles]
     #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, value_parser = point)]
     pub(crate) look_at: Option<DVec3>,
-    /// Which direction is up in the picture [default: 0,0,1]
-    #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, value_parser = point)]
+    /// Which direction is up in the picture: an axis, such as y or -z, or X,Y,Z [default: z]
+    #[arg(long, value_name = "AXIS", allow_hyphen_values = true, value_parser = direction)]
     pub(crate) up: Option<DVec3>,
     /// A camera: 'at=48 eye=1,2,3 look-at=0,0,0 up=0,0,1 fov=30' or 'ortho=10' for fov, 'move=straight' for a straight way to the next; what is left out
     /// is as without. May be repeated: with at=PICTURE the camera moves from one to the next, without each is a picture of its own

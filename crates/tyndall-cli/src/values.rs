@@ -6,7 +6,7 @@ use std::time::Duration;
 use glam::DVec3;
 use tyndall::film::Window;
 use tyndall::scene::coloring::Coloring;
-use tyndall::scene::short;
+use tyndall::scene::{short, viewpoint};
 use tyndall::{Error, Result};
 
 /// The sides of a picture, in pixels.
@@ -40,6 +40,12 @@ pub(crate) fn point(text: &str) -> Result<DVec3> {
             "three numbers X,Y,Z with commas and without spaces",
         )),
     }
+}
+
+/// Reads `X,Y,Z`, or an axis.
+pub(crate) fn direction(text: &str) -> Result<DVec3> {
+    let allowed = "an axis such as z or -y, or three numbers X,Y,Z with commas and without spaces";
+    viewpoint::direction(text).ok_or_else(|| Error::setting("a direction", text, allowed))
 }
 
 /// Reads `NX,NY,NZ`, or one number that stands for all three.

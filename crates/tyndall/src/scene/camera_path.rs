@@ -5,6 +5,7 @@ use std::str::FromStr;
 use glam::DVec3;
 
 use super::camera::{Camera, Projection};
+use super::viewpoint::direction;
 use crate::error::{Error, Result};
 use crate::names::nearest;
 
@@ -32,7 +33,7 @@ impl FromStr for Key {
     fn from_str(text: &str) -> Result<Self> {
         let wrong = |what: String| {
             let allowed =
-                "at=PICTURE eye=X,Y,Z look-at=X,Y,Z up=X,Y,Z fov=DEGREES ortho=HEIGHT move=smooth|straight";
+                "at=PICTURE eye=X,Y,Z look-at=X,Y,Z up=AXIS fov=DEGREES ortho=HEIGHT move=smooth|straight";
             Error::setting("--camera", text, format!("{what}; a camera is {allowed}"))
         };
         let mut key = Self { text: text.trim().into(), ..Self::default() };
@@ -52,7 +53,12 @@ impl FromStr for Key {
                 "at" => key.at = Some(number()?),
                 "eye" => key.eye = Some(point()?),
                 "look-at" => key.look_at = Some(point()?),
-                "up" => key.up = Some(point()?),
+                "up" => {
+                    let up = direction(value);
+                    key.up = Some(
+                        up.ok_or_else(|| wrong(format!("'{value}' is no direction such as z or X,Y,Z")))?,
+                    );
+                }
                 "fov" => {
                     let angle = number()?;
                     if !(0.0..180.0).contains(&angle) || angle == 0.0 {

@@ -56,6 +56,23 @@ impl FromStr for Side {
     }
 }
 
+/// A direction as users write it: three numbers `X,Y,Z`, or an axis such as `y` or `-z`.
+pub fn direction(text: &str) -> Option<DVec3> {
+    let axis = |name: &str| match name {
+        "x" => Some(DVec3::X),
+        "y" => Some(DVec3::Y),
+        "z" => Some(DVec3::Z),
+        _ => None,
+    };
+    let text = text.trim();
+    if let Some(axis) = axis(text.strip_prefix(['+', '-']).unwrap_or(text)) {
+        return Some(if text.starts_with('-') { -axis } else { axis });
+    }
+    let numbers: Option<Vec<f64>> =
+        text.split(',').map(|part| part.trim().parse().ok().filter(|it: &f64| it.is_finite())).collect();
+    <[f64; 3]>::try_from(numbers?).ok().map(DVec3::from_array)
+}
+
 /// How rays leave the camera, as far as it is said.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Lens {
