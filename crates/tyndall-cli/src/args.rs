@@ -8,7 +8,9 @@ use clap::{Args, Parser, Subcommand, ValueEnum};
 use glam::DVec3;
 use tyndall::film::Window;
 use tyndall::scene::camera_path::Key;
+use tyndall::scene::center::Center;
 use tyndall::scene::select::{Clip, Filter};
+use tyndall::scene::sizes::Size as Radius;
 use tyndall::scene::viewpoint::Side;
 use tyndall_io::annotation::Frame;
 use tyndall_io::write::{ImageOptions, movie};
@@ -142,6 +144,10 @@ pub(crate) struct Input {
     /// Puts particles where they came to, by the file's image flags (ix iy iz)
     #[arg(long, conflicts_with = "wrap")]
     pub(crate) unwrap: bool,
+    /// Measures coordinates from there, in every frame: X,Y,Z, densest (the densest place), or the middle of what a condition is true for, such as
+    /// 'id == 12' or "element == Fe". Periodic boxes are put around it, and the camera looks at it; --clip, --select, --eye and others mean these coordinates
+    #[arg(long, value_name = "WHERE", allow_hyphen_values = true)]
+    pub(crate) center: Option<Center>,
     /// Fails on a truncated file, instead of reading its whole frames
     #[arg(long)]
     pub(crate) strict: bool,
@@ -649,9 +655,10 @@ pub(crate) struct Build {
     /// The frame to save, counted from 0; -1 is the last [default: the first]
     #[arg(long, value_name = "N", allow_hyphen_values = true)]
     pub(crate) frame: Option<i64>,
-    /// One radius for all particles [default: the file's, else by element, else half the usual distance]
-    #[arg(long, value_name = "R", value_parser = length, allow_hyphen_values = true)]
-    pub(crate) radius: Option<f32>,
+    /// Radius of the particles: a number for all, an attribute, or an expression such as diameter/2 or "if(type == 1, 0.5, 1)"
+    /// [default: the file's, else by element, else half the usual distance]
+    #[arg(long, value_name = "R", allow_hyphen_values = true)]
+    pub(crate) radius: Option<Radius>,
     #[command(flatten)]
     pub(crate) structure: StructureArgs,
     /// Memory that may be used, such as 500M or 16G, instead of all that is free

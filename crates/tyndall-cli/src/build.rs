@@ -2,13 +2,13 @@
 
 use std::time::Instant;
 
-use tyndall::periodic::Placement;
 use tyndall::render::Settings;
 use tyndall::render::estimate::Work;
 use tyndall::scene::automatic;
+use tyndall::scene::sizes::Size;
 use tyndall::scene::wanted::Wanted;
 use tyndall::structure::Kind;
-use tyndall::{Error, Particles, Radii};
+use tyndall::{Error, Particles};
 use tyndall_io::saved::{self, Recipe};
 use tyndall_io::write;
 
@@ -41,7 +41,12 @@ pub(crate) fn run(args: &args::Build, report: &Report) -> Outcome<()> {
     let known = Work::of_count(input::known_count(&args.input.files)?, kind, NO_PICTURE);
     dry_run::check_memory(&known, known.memory_bytes(), args.memory)?;
     let wanted = wanted::of_fields(args.fields.as_deref(), Vec::new());
-    let wanted = wanted.map(|it| Wanted { radii: args.radius.is_none(), ..it });
+    let sizes = args.radius.as_ref().and_then(Size::quantity).map(String::from);
+    let wanted = wanted.map(|it| Wanted {
+        radii: args.radius.is_none(),
+        quantities: sizes.into_iter().collect(),
+        ..it
+    });
     let sequence = input::open(&args.input, wanted, report)?;
     input::refuse_to_replace(path, sequence.paths())?;
     let numbers = Numbers::of(&args.input, sequence.len());
@@ -51,16 +56,13 @@ pub(crate) fn run(args: &args::Build, report: &Report) -> Outcome<()> {
         report.note(format_args!("note: frame {first} of {}; --frame N for another", sequence.len()));
     }
     let frame = input::read(&sequence, number, &args.input, report)?;
-    if input::placement(&args.input) != Placement::AsStored {
+    if !input::are_as_stored(&args.input) {
         frame.conventions.last().into_iter().for_each(|text| report.note(text));
     }
-    let (radii, radii_text) = match args.radius {
-        Some(radius) => {
-            (Radii::Uniform(radius), format!("radius {} given", tyndall::scene::short(radius.into())))
-        }
-        None => automatic::radii(&frame.particles),
-    };
-    let particles = with_fields(frame.particles.with_radii(radii), args.fields.as_deref())?;
+    let particles = input::sized(frame.particles, args.radius.as_ref(), &args.input, report)?;
+    let (radii, radii_text) =
+        args.radius.as_ref().and_then(Size::uniform).unwrap_or_else(|| automatic::radii(&particles));
+    let particles = with_fields(particles.with_radii(radii), args.fields.as_deref())?;
     let work = Work::of(&particles, kind, NO_PICTURE);
     dry_run::check_memory(&work, work.memory_bytes(), args.memory)?;
     if args.dry_run {

@@ -3,7 +3,9 @@
 use std::path::{Path, PathBuf};
 
 use tyndall::periodic::{self, Placement};
+use tyndall::scene::center::Center;
 use tyndall::scene::grouped;
+use tyndall::scene::sizes::Size;
 use tyndall::scene::wanted::Wanted;
 use tyndall::structure::Kind;
 use tyndall::{Error, Particles, synthetic};
@@ -15,6 +17,10 @@ use crate::report::{Outcome, Report};
 
 /// Opens the files as one sequence. Of their attributes only those that are wanted need be read: all if nothing is said.
 pub(crate) fn open(input: &Input, wanted: Option<Wanted>, report: &Report) -> Outcome<Sequence> {
+    let wanted = wanted.map(|mut wanted| {
+        wanted.filters.extend(input.center.as_ref().and_then(Center::condition).cloned());
+        wanted
+    });
     let options = Options {
         columns: input.columns.clone(),
         format: input.format.clone(),
@@ -93,12 +99,23 @@ fn told(frame: Frame, sequence: &Sequence, number: usize, input: &Input, report:
 
 /// Puts the particles of a frame where they are wanted, and says what that was; nothing where they stay.
 pub(crate) fn place(frame: Frame, input: &Input) -> tyndall::Result<(Frame, Option<String>)> {
-    let (particles, text) = periodic::place(frame.particles, placement(input))?;
+    let (particles, text) = match &input.center {
+        Some(center) => {
+            let (particles, text) = center.place(frame.particles, placement(input))?;
+            (particles, Some(text))
+        }
+        None => periodic::place(frame.particles, placement(input))?,
+    };
     Ok((Frame { particles, ..frame }, text))
 }
 
+/// Whether particles are where the file says.
+pub(crate) fn are_as_stored(input: &Input) -> bool {
+    placement(input) == Placement::AsStored && input.center.is_none()
+}
+
 /// Where particles of a periodic box are wanted.
-pub(crate) fn placement(input: &Input) -> Placement {
+fn placement(input: &Input) -> Placement {
     match (input.unwrap, input.wrap) {
         (true, _) => Placement::Unwrapped,
         (false, Wrap::None) => Placement::AsStored,
@@ -149,6 +166,31 @@ pub(crate) fn tell(
         }
     }
     Ok(())
+}
+
+/// Gives the particles the radii that are asked for, if each has its own, and says how many cannot be drawn with them, or refuses these.
+pub(crate) fn sized(
+    particles: Particles,
+    size: Option<&Size>,
+    input: &Input,
+    report: &Report,
+) -> Outcome<Particles> {
+    let Some(size) = size else { return Ok(particles) };
+    let (before, all) = (particles.dropped().radius, particles.len());
+    let particles = size.apply(particles)?;
+    let bad = (particles.dropped().radius - before) as usize;
+    if bad > 0 {
+        let what = format!("{} of {} particles", grouped(bad), grouped(all));
+        if input.on_bad == OnBad::Error {
+            let allowed = format!(
+                "0 or more for each particle: {what} have another one; --on-bad drop leaves them out"
+            );
+            return Err(Error::setting("--radius", size, allowed).into());
+        }
+        report
+            .warn(&format!("dropped {what} without a radius of 0 or more by {size}; --on-bad error to stop"));
+    }
+    Ok(particles)
 }
 
 /// Says how many of `all` particles that were read in parts are not finite, or refuses them.

@@ -8,6 +8,7 @@ use tyndall::scene::colormap::Colormap;
 use tyndall::scene::light::{Lens, Lights};
 use tyndall::scene::looks::{self, Adjustments};
 use tyndall::scene::short;
+use tyndall::scene::sizes::Size;
 use tyndall::{Error, Result};
 
 use crate::args;
@@ -54,9 +55,10 @@ pub(crate) struct Look {
     /// The velocity that --shutter moves particles with: an attribute of two or three numbers, or the stem of scalars like vx vy vz
     #[arg(long, value_name = "NAME", default_value = "v", requires = "shutter")]
     pub(crate) velocity: String,
-    /// One radius for all particles [default: the file's, else by element, else half the usual distance]
-    #[arg(long, value_name = "R", value_parser = length, allow_hyphen_values = true)]
-    pub(crate) radius: Option<f32>,
+    /// Radius of the particles: a number for all, an attribute, or an expression such as diameter/2 or "if(type == 1, 0.5, 1)"
+    /// [default: the file's, else by element, else half the usual distance]
+    #[arg(long, value_name = "R", allow_hyphen_values = true)]
+    pub(crate) radius: Option<Size>,
     /// Shows periodic images too: so many along each edge of the cell, from the file's own on; NX,NY,NZ or one number for all. They take
     /// no memory, and show what is chosen alike
     #[arg(long, value_name = "NX,NY,NZ", value_parser = crate::values::images)]
@@ -109,6 +111,11 @@ impl Look {
     pub(crate) fn drawn(&self) -> Option<&'static str> {
         let shutter = self.shutter.map(|_| "--shutter");
         self.opacity.as_ref().map(|_| "--opacity").or(shutter)
+    }
+
+    /// What is looked at beside colors: of radii and opacities.
+    pub(crate) fn quantities(&self) -> impl Iterator<Item = &str> {
+        self.radius.as_ref().and_then(Size::quantity).into_iter().chain(self.opacity.as_deref())
     }
 
     /// The velocity with which particles move, if they do.

@@ -75,6 +75,11 @@ const ROD_COLOR: [u8; 3] = [0x50; 3];
 const MESH_COLOR: [u8; 3] = [0xb8; 3];
 
 impl Shapes {
+    /// Whether there are meshes.
+    pub(crate) fn has_meshes(&self) -> bool {
+        !self.mesh.is_empty()
+    }
+
     /// The flag that asks for a shape, if one does.
     pub(crate) fn name(&self) -> Option<&'static str> {
         let arrows = self.arrows.as_ref().map(|_| "--arrows");

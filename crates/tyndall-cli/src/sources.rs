@@ -8,6 +8,7 @@ use tyndall::scene::coloring::{Mapping, Norm, Range};
 use tyndall::scene::guesses::Shown;
 use tyndall::scene::joined::{Hidden, Joined, Part, join};
 use tyndall::scene::outline::Outline;
+use tyndall::scene::sizes::Size;
 use tyndall::scene::wanted::Wanted;
 use tyndall::scene::{Scene, automatic, short};
 use tyndall::structure::Spheres;
@@ -84,6 +85,13 @@ impl<'a> Sources<'a> {
             let wanted = Wanted {
                 coloring: look.color.clone(),
                 filters: args.selection.all_filters(),
+                quantities: look
+                    .radius
+                    .as_ref()
+                    .and_then(Size::quantity)
+                    .map(String::from)
+                    .into_iter()
+                    .collect(),
                 radii: look.radius.is_none() || look.bonds.is_some(),
                 ..Wanted::default()
             };
@@ -122,11 +130,12 @@ impl Source<'_> {
         let Render { input, look, selection, .. } = self.args;
         let number = number.min(self.sequence.len() - 1);
         let frame = input::read(&self.sequence, number, input, report)?;
-        let particles = frame.particles;
-        let (radii, mut text) = match (look.radius, kept.and_then(|kept| kept.uniform.clone())) {
-            (Some(radius), _) => (Radii::Uniform(radius), format!("radius {} given", short(radius.into()))),
+        let particles = input::sized(frame.particles, look.radius.as_ref(), input, report)?;
+        let (radii, mut text) = match (&look.radius, kept.and_then(|kept| kept.uniform.clone())) {
             (None, Some(radii)) => (radii, "radius of the first frame".into()),
-            (None, None) => automatic::radii(&particles),
+            (asked, _) => {
+                asked.as_ref().and_then(Size::uniform).unwrap_or_else(|| automatic::radii(&particles))
+            }
         };
         if look.radius_scale != 1.0 {
             text += &format!(", scaled by {}", short(look.radius_scale.into()));

@@ -431,6 +431,16 @@ impl Particles {
         Self { radii: Some(radii), ..self }
     }
 
+    /// The same particles with radii `radii`, which may refer to their attributes, but for those that cannot be drawn with them: these are dropped and counted.
+    pub(crate) fn sized(self, radii: Radii) -> Self {
+        let ids = (0..self.len()).into_par_iter().with_min_len(1 << 14);
+        let keep: Vec<bool> = ids.map(|id| (0.0..f32::INFINITY).contains(&self.radius(&radii, id))).collect();
+        let bad = keep.par_iter().filter(|keeps| !**keeps).count() as u64;
+        let mut sized = if bad > 0 { self.retained(&keep) } else { self };
+        sized.dropped.radius += bad;
+        sized.with_radii(radii)
+    }
+
     /// The same particles, whose positions are measured from `origin`: of frames with one origin places can be compared.
     pub fn measured_from(self, origin: DVec3) -> Self {
         let before = self.positions.origin();
@@ -444,6 +454,19 @@ impl Particles {
         };
         let positions = Positions::from_offsets(origin, [0, 1, 2].map(column));
         Self { positions, bounds: OnceLock::new(), ..self }
+    }
+
+    /// The same particles in the coordinates whose zero is `center` of their own.
+    pub(crate) fn seen_from(self, center: DVec3) -> Self {
+        let Self { mut positions, cell, .. } = self;
+        positions.origin = Some(positions.origin() - center);
+        let cell = cell.map(|cell| Cell { origin: cell.origin - center, ..cell });
+        Self { positions, cell, ..self }
+    }
+
+    /// The same particles with another cell.
+    pub(crate) fn in_cell(self, cell: Cell) -> Self {
+        Self { cell: Some(cell), ..self }
     }
 
     /// The same particles elsewhere: `offsets` from the origin, and other values of some attributes. Fails with [`Error::Setting`] if a

@@ -197,6 +197,11 @@ impl Job<'_> {
             let text = "--filter, --select and --clip are for particles, not for a grid — leave them out";
             return Err(Failure::Usage(text.into()));
         }
+        if self.args.input.center.is_some() {
+            return Err(Failure::Usage(
+                "--center is for particles, not for a grid — --look-at moves the camera".into(),
+            ));
+        }
         if self.args.method.dry_run {
             let density = load(pictures[0].frame, &[]).1?.grid;
             return self.dry_run(&density.lattice(), 0, 0.0, pictures.len());

@@ -4,7 +4,6 @@ use std::ops::Range;
 
 use tyndall::medium::density::{self, Carrier, Settings, Volume};
 use tyndall::medium::grid::Lattice;
-use tyndall::periodic::Placement;
 use tyndall::scene::subset;
 use tyndall::{DVec3, Error, Particles, Result, Source, Vec3};
 use tyndall_io::{Parts, Sequence};
@@ -32,7 +31,7 @@ impl<'a> Parted<'a> {
         (emission, attributes): (EmissionSpec, usize),
         limit: Option<u64>,
     ) -> Outcome<Option<Self>> {
-        if input::placement(input) != Placement::AsStored {
+        if !input::are_as_stored(input) {
             return Ok(None);
         }
         // What is wrong with the file is said when it is read.

@@ -40,10 +40,8 @@ impl Job<'_> {
 
     /// The radius that is given, or kept from the first frame.
     pub(super) fn asked_radius(&self, kept: Option<&Kept>) -> Option<(Radii, String)> {
-        match (self.args.look.radius, kept.and_then(|kept| kept.uniform.clone())) {
-            (Some(radius), _) => {
-                Some((Radii::Uniform(radius), format!("radius {} given", short(radius.into()))))
-            }
+        match (&self.args.look.radius, kept.and_then(|kept| kept.uniform.clone())) {
+            (Some(size), _) => size.uniform(),
             (None, kept) => kept.map(|radii| (radii, "radius of the first frame".into())),
         }
     }

@@ -9,7 +9,6 @@ mod reading;
 
 use std::path::Path;
 
-use tyndall::Error;
 use tyndall::particles::Radii;
 use tyndall::render::estimate::Work;
 use tyndall::render::illustration::Illustration;
@@ -22,6 +21,7 @@ use tyndall::scene::outline::Outline;
 use tyndall::scene::viewpoint::{Lens, Motion, Viewpoint};
 use tyndall::scene::wanted::Wanted;
 use tyndall::structure::Kind;
+use tyndall::{DVec3, Error};
 use tyndall_io::Sequence;
 use tyndall_io::annotation::Behind;
 
@@ -41,6 +41,7 @@ use crate::{ahead, culling, dry_run, illustrate, input, lights, looks, medium, p
 /// Renders what the command line asks for.
 pub(crate) fn run(args: &args::Render, report: &Report) -> Outcome<()> {
     args.origin.begin(report)?;
+    check_center(args)?;
     match sources::parted(args)? {
         (Some(medium), spheres) => return medium::run(medium, &spheres, report),
         (None, _) if args.method.mode == Mode::Project => return project::run(args, report),
@@ -55,7 +56,7 @@ pub(crate) fn run(args: &args::Render, report: &Report) -> Outcome<()> {
     let wanted = Wanted {
         coloring: args.look.color.clone(),
         filters: args.selection.all_filters(),
-        quantities: args.look.opacity.iter().cloned().chain(of_layers).collect(),
+        quantities: args.look.quantities().map(String::from).chain(of_layers).collect(),
         radii: args.look.radius.is_none() || args.look.bonds.is_some(),
         vectors: args.look.moving().map(String::from).into_iter().chain(args.shapes.vectors()).collect(),
         ..Wanted::default()
@@ -73,6 +74,17 @@ pub(crate) fn run(args: &args::Render, report: &Report) -> Outcome<()> {
         })
     });
     output.finish(done)
+}
+
+/// Refuses to measure particles from a center beside what has coordinates of its own.
+fn check_center(args: &args::Render) -> Outcome<()> {
+    let beside = [(!args.layers.sources.is_empty(), "--layer"), (args.shapes.has_meshes(), "--mesh")];
+    match beside.into_iter().find(|(is_given, _)| *is_given && args.input.center.is_some()) {
+        Some((_, name)) => Err(Failure::Usage(format!(
+            "--center measures the particles of one source anew, and {name} would stay where it is — try --look-at X,Y,Z instead of --center"
+        ))),
+        None => Ok(()),
+    }
 }
 
 /// The most samples of a pixel where noise or time decides, if nothing is said.
@@ -313,5 +325,6 @@ pub(crate) fn viewpoint(args: &args::Render) -> Outcome<Viewpoint> {
     };
     let motion = if args.frames.orbit.is_some() { Motion::Orbit } else { Motion::Still };
     let side = camera.view.unwrap_or_default();
-    Ok(Viewpoint { eye: camera.eye, look_at: camera.look_at, up: camera.up, side, lens, motion })
+    let look_at = camera.look_at.or(args.input.center.as_ref().map(|_| DVec3::ZERO));
+    Ok(Viewpoint { eye: camera.eye, look_at, up: camera.up, side, lens, motion })
 }

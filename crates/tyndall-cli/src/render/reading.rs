@@ -3,11 +3,11 @@
 use std::time::Instant;
 
 use tyndall::particles::{Particles, Radii};
-use tyndall::periodic::Placement;
 use tyndall::render::estimate::Work;
 use tyndall::scene::color::ParticleColors;
 use tyndall::scene::guesses::Guesses;
 use tyndall::scene::short;
+use tyndall::scene::sizes::Size;
 use tyndall::structure::saved::RadiiOf;
 use tyndall::structure::{Kind, Spheres, Structure};
 use tyndall::{Error, Source};
@@ -87,6 +87,8 @@ impl Job<'_> {
                 (frame.particles, frame.conventions)
             }
         };
+        let particles =
+            input::sized(particles, self.args.look.radius.as_ref(), &self.args.input, self.report)?;
         self.report.detail(format_args!("read: {}", seconds(start.elapsed().as_secs_f64())));
         let layers = self.sources.read(number, kept.map_or(&[][..], |kept| &kept.layers), self.report)?;
         let frame = Frame { number, start, parts, opened, particles, conventions, layers };
@@ -102,7 +104,7 @@ impl Job<'_> {
         // Particles that are put elsewhere, bonded or drawn as other shapes are all needed at once.
         let needs_all =
             self.args.look.bonds.is_some() || self.args.shapes.are_of_particles() || !self.sources.is_empty();
-        if needs_all || input::placement(&self.args.input) != Placement::AsStored {
+        if needs_all || !input::are_as_stored(&self.args.input) {
             return None;
         }
         // What is wrong with the file is said when it is read.
@@ -142,11 +144,14 @@ impl Job<'_> {
         if self.args.method.build == Builder::Gpu {
             return Some("--build gpu".into());
         }
-        if input::placement(&self.args.input) != Placement::AsStored {
+        if !input::are_as_stored(&self.args.input) {
             return Some("its particles are to be elsewhere".into());
         }
         if !self.sources.is_empty() {
             return Some("there are other layers".into());
+        }
+        if let Some(sizes) = self.args.look.radius.as_ref().and_then(Size::quantity) {
+            return Some(format!("radius {sizes} is asked for"));
         }
         if let Some((Radii::Uniform(radius), _)) = self.asked_radius(kept)
             && uniform != Some(radius)

@@ -42,7 +42,7 @@ const INHERITED: [&str; 8] =
 const OWN: [&str; 2] = ["emission", "emission-scale"];
 
 /// Flags of these tables that are of the whole picture.
-const OF_ALL: [&str; 2] = ["cut", "cap"];
+const OF_ALL: [&str; 3] = ["cut", "cap", "center"];
 
 /// Whether a layer may have a flag of its own.
 pub(super) fn may_have(key: &Key) -> bool {

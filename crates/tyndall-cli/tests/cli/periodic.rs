@@ -143,3 +143,40 @@ fn boxes_that_say_too_little_are_refused_with_a_way_out() {
     }
     assert_eq!(folder.line("info one.dump --unwrap --wrap atoms").code, 2);
 }
+
+#[test]
+fn a_center_is_the_zero_of_what_stands_around_it() {
+    let folder = Folder::new();
+    folder.file("a.dump", file([1; 3], 4.0));
+    // Three in the middle of nothing, and the same in the middle of their box.
+    let centered = ["1 1 -1.5 0 -1.5", "2 2 0 1.5 1.5", "3 3 1.5 -0.75 0"];
+    folder.file("b.dump", dump("id type x y z", 4.0, &centered));
+    let view = "--radius 0.5 --color type --look headlight --ortho 5 --size 64x48 --samples 4";
+    let told = folder.render(&format!("a.dump -o a.png {view} --center 2,1,3")).fine();
+    assert!(told.contains("measured from 2,1,3, in the cell: 1 of 3 moved"), "{told}");
+    folder.render(&format!("b.dump -o b.png {view} --look-at 0,0,0 --frame-all")).fine();
+    let [a, b] = ["a.png", "b.png"].map(|name| png(&folder.path(name)).0);
+    assert!(a == b, "the camera looks at the center");
+
+    folder.line("convert a.dump -o c.xyz --center 2,1,3").fine();
+    let text = std::fs::read_to_string(folder.path("c.xyz")).unwrap();
+    let rows: Vec<Vec<f64>> = text
+        .lines()
+        .skip(2)
+        .map(|row| row.split_whitespace().filter_map(|it| it.parse().ok()).collect())
+        .collect();
+    for (row, expected) in rows.iter().zip([[-1.5, 0.0, -1.5], [0.0, 1.5, 1.5], [1.5, -0.75, 0.0]]) {
+        assert!(expected.iter().all(|it| row.contains(it)), "{row:?}");
+    }
+    let told = folder.line("info a.dump --center type==2").out;
+    assert!(told.contains("positions measured from 2,2.5,0.5, the middle of 1 with type==2"), "{told}");
+    let told = folder.line("info a.dump --center densest").out;
+    assert!(told.contains("the densest place"), "{told}");
+
+    folder.render("a.dump -o d.png --center type==9").fails(2, &["--center", "type has 1, 2, 3"]);
+    folder.render("a.dump -o d.png --center 1,2").fails(2, &["--center", "X,Y,Z, densest"]);
+    folder.render("a.dump -o d.png --center 0,0,0 --mesh a.stl").fails(2, &["--center", "--mesh"]);
+    folder.render("a.dump -o d.png --center 0,0,0 --layer b.dump").fails(2, &["--center", "--layer"]);
+    let layer = ["render", "a.dump", "-o", "d.png", "--layer", "b.dump --center 0,0,0"];
+    folder.run(&layer).fails(2, &["--center is of the whole picture"]);
+}

@@ -504,3 +504,49 @@ fn movies_that_cannot_be_are_refused_before_the_reading() {
     }
     assert!(folder.names().is_empty());
 }
+
+#[test]
+fn a_radius_is_a_number_an_attribute_or_an_expression() {
+    let folder = Folder::new();
+    folder.file("a.csv", "x,y,z,size,kind\n0,0,0,2,1\n4,0,0,1,2\n0,4,0,-1,2\n0,0,4,nan,1\n");
+    // The same radii by the name that is known.
+    folder.file("b.csv", "x,y,z,radius,kind\n0,0,0,1,1\n4,0,0,0.5,2\n");
+    let view = "--eye 20,15,10 --look-at 1,1,1 --color kind --look flat --samples 4";
+    let expected = folder.render(&format!("b.csv -o b.png {view}")).fine();
+    assert!(expected.contains("radius radius"), "{expected}");
+    let said = folder.render(&format!("a.csv -o a.png {view} --radius size/2")).fine();
+    let warning =
+        "warning: dropped 2 of 4 particles without a radius of 0 or more by size/2; --on-bad error to stop";
+    assert!(
+        said.contains(warning) && said.contains("2 particles") && said.contains("radius size/2"),
+        "{said}"
+    );
+    assert!(png(&folder.path("a.png")).0 == png(&folder.path("b.png")).0);
+    // In layers, saved, and with a scale.
+    folder.line("build a.csv -o a.tyn --radius size/2 --fields kind").fine();
+    for words in ["a.tyn", "a.csv --radius size --radius-scale 0.5", "a.csv --radius size/2 --layer b.csv"] {
+        folder.render(&format!("{words} -o c.png {view}")).fine();
+        assert!(png(&folder.path("c.png")).0 == png(&folder.path("b.png")).0, "{words}");
+    }
+    let said = folder.render(&format!("a.tyn -o c.png {view} --radius if(kind==1,0.5,0.25)")).fine();
+    assert!(said.contains("not used: radius if(kind==1,0.5,0.25) is asked for"), "{said}");
+    folder
+        .render("a.csv -o d.png --radius size --on-bad error")
+        .fails(2, &["2 of 4 particles", "--on-bad drop"]);
+    folder.render("a.csv -o d.png --radius siz").fails(2, &["--radius", "did you mean 'size'"]);
+    folder.render("a.csv -o d.png --radius 0").fails(2, &["--radius", "greater than 0"]);
+}
+
+#[test]
+fn up_is_an_axis_or_a_direction() {
+    let folder = Folder::new();
+    folder.file("a.xyz", line_of(5));
+    let pixels = |flags: &str| {
+        folder.render(&format!("a.xyz -o a.png --look flat --samples 1 {flags}")).fine();
+        png(&folder.path("a.png")).0
+    };
+    assert!(pixels("--up y") == pixels("--up 0,1,0") && pixels("--up -x") == pixels("--up -2,0,0"));
+    assert!(pixels("--camera up=y") == pixels("--camera up=0,1,0") && pixels("") == pixels("--up z"));
+    assert!(pixels("--up y") != pixels("--up z"));
+    folder.render("a.xyz -o b.png --up w").fails(2, &["--up", "an axis such as z or -y"]);
+}

@@ -3,6 +3,7 @@
 //! Takes particles and gives the same ones elsewhere, always at an image of where they were. Image flags of the file, if it has them, are
 //! kept in step: position and flags together say what they said before.
 
+pub mod center;
 mod lattice;
 mod molecules;
 mod neighbors;

@@ -1,6 +1,6 @@
 //! Particles put elsewhere, against a search over all images and against where they were before they were folded.
 
-use glam::DVec3;
+use glam::{DMat3, DVec3};
 
 use super::{FLAGS, Placement, place};
 use crate::particles::{Attribute, Cell, Columns, Particles, Positions, Values};
@@ -248,5 +248,95 @@ fn what_cannot_be_placed_says_what_is_missing() {
     let empty = particles(&[], Some(CELLS[0]), vec![Attribute::new("mol", 1, Values::I32(Vec::new()))]);
     for placement in [Placement::Atoms, Placement::Molecules] {
         assert!(place(empty.clone(), placement).unwrap().0.is_empty());
+    }
+}
+
+mod centers {
+    use super::*;
+    use crate::periodic::center::{around, densest, middle};
+
+    /// The nearest distance of two points among all images.
+    fn distance(cell: Option<&Cell>, a: DVec3, b: DVec3) -> f64 {
+        let Some(cell) = cell else { return a.distance(b) };
+        let range = |axis: usize| if cell.periodic[axis] { -3..=3 } else { 0..=0 };
+        let mut least = f64::INFINITY;
+        for x in range(0) {
+            for y in range(1) {
+                for z in range(2) {
+                    least = least.min((a - b + shift(cell, [x, y, z])).length());
+                }
+            }
+        }
+        least
+    }
+
+    #[test]
+    fn a_clump_across_the_border_is_found_and_whole() {
+        for (seed, cell) in CELLS.iter().map(Some).chain([None]).enumerate() {
+            println!("seed {seed}");
+            let mut stream = Stream::new(seed as u64, 3);
+            let any = |stream: &mut Stream| match cell {
+                Some(cell) => inside(cell, stream),
+                None => 5.0 * stream.cube().as_dvec3(),
+            };
+            // The corner of the cell is at its border; of open ones a place within.
+            let clump = cell.map_or(DVec3::new(1.0, -2.0, 0.5), |cell| {
+                let inner = (0..3).filter(|&axis| !cell.periodic[axis]).map(|axis| 0.4 * cell.vectors[axis]);
+                cell.origin + inner.sum::<DVec3>()
+            });
+            let flat = cell.is_some_and(|cell| cell.vectors[2] == DVec3::ZERO);
+            let mut places: Vec<DVec3> = (0..2000).map(|_| any(&mut stream)).collect();
+            places.extend((0..300).map(|_| {
+                let offset = 0.05 * stream.cube().as_dvec3();
+                clump + if flat { offset.with_z(0.0) } else { offset }
+            }));
+            let given = particles(&places, cell.copied(), flags(&vec![[0; 3]; places.len()]));
+            let given = match cell {
+                Some(_) => place(given, Placement::Atoms).unwrap().0,
+                None => given,
+            };
+            let found = densest(&given).unwrap();
+            assert!(distance(cell, found, clump) < 0.05, "{found} is not {clump}");
+            let ids: Vec<u32> = (2000..2300).collect();
+            let found = middle(&given, &ids).unwrap();
+            assert!(distance(cell, found, clump) < 0.02, "{found} is not {clump}");
+
+            let (seen, text) = around(given.clone(), found, Placement::AsStored).unwrap();
+            let near = worlds(&seen)[2000..].iter().all(|it| it.length() < 0.12);
+            assert!(near && text.is_some() == cell.is_some(), "the clump is whole, around 0: {text:?}");
+            if let Some(Cell { origin, vectors: [a, b, c], periodic }) = seen.cell() {
+                let c = if flat { DVec3::Z } else { *c };
+                let zero = DMat3::from_cols(*a, *b, c).inverse() * -*origin;
+                let halves =
+                    (0..3).filter(|&axis| periodic[axis]).all(|axis| (zero[axis] - 0.5).abs() < 1e-9);
+                assert!(halves, "the center is the middle of the cell: {zero}");
+            }
+            let by = |a: &DVec3, b: &DVec3| distance(cell, *a, *b + found) < 1e-5;
+            assert!(
+                worlds(&given).iter().zip(&worlds(&seen)).all(|(a, b)| by(a, b)),
+                "each is an image of what it was"
+            );
+        }
+    }
+
+    #[test]
+    fn without_a_box_nothing_but_the_zero_changes() {
+        let places = [DVec3::ZERO, DVec3::new(5.0, 1.0, -3.0)];
+        let (seen, text) =
+            around(particles(&places, None, Vec::new()), DVec3::new(1e6, 0.0, 2.0), Placement::AsStored)
+                .unwrap();
+        assert_eq!(worlds(&seen), [DVec3::new(-1e6, 0.0, -2.0), DVec3::new(5.0 - 1e6, 1.0, -5.0)]);
+        assert_eq!(text, None);
+    }
+
+    #[test]
+    fn few_particles_have_a_densest_place_too() {
+        let of = |places: &[DVec3]| densest(&particles(places, None, Vec::new()));
+        assert_eq!(of(&[]), None);
+        assert_eq!(of(&[DVec3::new(1.0, 2.0, 3.0)]), Some(DVec3::new(1.0, 2.0, 3.0)));
+        assert_eq!(of(&[DVec3::ONE; 1000]), Some(DVec3::ONE));
+        let far = of(&[DVec3::ZERO, DVec3::X * 1e30, DVec3::ZERO]).unwrap();
+        assert!(far.length() < 1e-3, "{far}");
+        assert_eq!(middle(&particles(&[DVec3::ONE], None, Vec::new()), &[]), None);
     }
 }
