@@ -377,7 +377,7 @@ pub(crate) struct Frames {
     /// Leaves pictures that are there already
     #[arg(long)]
     pub(crate) skip_existing: bool,
-    /// Keeps the color range of the first frame
+    /// Keeps the color range of the first frame, with --frame-sequence that of all
     #[arg(long)]
     pub(crate) fixed_range: bool,
 }
@@ -426,6 +426,10 @@ pub(crate) struct CameraArgs {
     /// Frames what --filter, --select, --clip and --cut leave of the first frame, instead of all particles; media and maps frame what is kept in any case
     #[arg(long)]
     pub(crate) frame_shown: bool,
+    /// Frames what a sequence shows from its first frame to its last, instead of the first of its pictures: looks at up to 16 frames beforehand. With --fixed-range colors
+    /// have the range of these, too (of maps that of the first picture)
+    #[arg(long)]
+    pub(crate) frame_sequence: bool,
 }
 
 /// Which particles are shown; the others cast no shadow either. Camera and colors are those of all, unless --frame-shown moves the camera.

@@ -41,6 +41,7 @@ mod shapes;
 mod shot;
 mod sources;
 mod structure;
+mod survey;
 mod usage;
 mod values;
 mod wanted;

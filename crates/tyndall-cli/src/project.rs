@@ -31,7 +31,7 @@ use crate::output::{Output, Pattern};
 use crate::report::{Failure, Outcome, Report, bytes, counted, seconds};
 use crate::shot::Taken;
 use crate::values::Background;
-use crate::{ahead, annotate, input, metadata, plan, progress, render, selection, wanted};
+use crate::{ahead, annotate, input, metadata, plan, progress, render, selection, survey, wanted};
 
 /// With --mode project: which quantity is projected. Rays are parallel; --weight makes a mean of it.
 #[derive(Args)]
@@ -81,6 +81,11 @@ pub(crate) fn run(args: &Render, report: &Report) -> Outcome<()> {
             bytes(needed)
         ));
     }
+    let surveyed = survey::of(args, sequence.len(), |number| {
+        let particles = survey::read(&sequence, number, args, report)?.particles;
+        let (particles, _) = selection::keep(&args.selection, particles)?;
+        Ok(job.outline(&particles, 0.0).0)
+    })?;
     let frames = plan::frames_to_read(&pictures, args.frames.skip_existing);
     let done = ahead::reading(&sequence, &frames, args.method.memory, |ahead| {
         plan::each_frame(&pictures, args.frames.skip_existing, report, |number, wanted, kept, written| {
@@ -90,9 +95,10 @@ pub(crate) fn run(args: &Render, report: &Report) -> Outcome<()> {
             let is_first = kept.is_none();
             let (camera, outline, framed) = match kept.as_ref() {
                 Some(Kept { camera, outline, .. }) => {
+                    survey::warn(args, &particles, camera, report)?;
                     (*camera, outline.clone(), "framed as the first frame".into())
                 }
-                None => job.camera(&particles, &carrying.lengths),
+                None => job.camera(&particles, &carrying.lengths, &surveyed),
             };
             let mut guesses = vec![
                 format!("projection, cpu {} threads", rayon::current_num_threads()),
@@ -280,19 +286,28 @@ impl Job<'_> {
     }
 
     /// The camera, and how it was found.
-    fn camera(&self, particles: &Particles, lengths: &[f32]) -> (Camera, Outline, String) {
+    fn camera(
+        &self,
+        particles: &Particles,
+        lengths: &[f32],
+        surveyed: &[Outline],
+    ) -> (Camera, Outline, String) {
         let mut sorted = lengths.to_vec();
         let middle = sorted.len() / 2;
-        let usual = sorted.select_nth_unstable_by(middle, f32::total_cmp).1;
-        let radii = Radii::Uniform(*usual);
-        let spheres = Spheres { particles, radii: &radii, radius_scale: 1.0 };
-        let outliers = if self.args.camera.frame_all { Outliers::Shown } else { Outliers::Left };
-        let framing = framing_of(spheres, outliers);
-        let outline = Outline::of(spheres, &framing);
+        let usual = *sorted.select_nth_unstable_by(middle, f32::total_cmp).1;
+        let (outline, framed) = survey::joined(self.outline(particles, usual), surveyed, usual.into());
         let [width, height] = self.args.picture.pixels().map(f64::from);
         let camera = self.viewpoint.camera(&outline, width / height);
         let given = self.viewpoint.eye.is_some();
-        (camera, outline, if given { "camera given".into() } else { framing.description })
+        (camera, outline, if given { "camera given".into() } else { framed })
+    }
+
+    /// What is framed of particles of that radius, and how it was found.
+    fn outline(&self, particles: &Particles, radius: f32) -> (Outline, String) {
+        let spheres = Spheres { particles, radii: &Radii::Uniform(radius), radius_scale: 1.0 };
+        let outliers = if self.args.camera.frame_all { Outliers::Shown } else { Outliers::Left };
+        let framing = framing_of(spheres, outliers);
+        (Outline::of(spheres, &framing), framing.description)
     }
 
     fn view(&self, camera: &Camera, particles: &Particles) -> Outcome<View> {

@@ -6,7 +6,11 @@ use std::time::Instant;
 
 use tyndall::medium::noise::advection::Advection;
 use tyndall::medium::{Medium, density};
-use tyndall::particles::Particles;
+use tyndall::particles::{Particles, Radii};
+use tyndall::scene::automatic::Outliers;
+use tyndall::scene::guesses::Shown;
+use tyndall::scene::outline::Outline;
+use tyndall::structure::Spheres;
 use tyndall::{Cell, DVec3, Error};
 use tyndall_io::annotation::Behind;
 use tyndall_io::read::Described;
@@ -24,7 +28,7 @@ use crate::output::{Output, Pattern};
 use crate::report::{Failure, Outcome, counted};
 use crate::shot::Taken;
 use crate::values::Background;
-use crate::{ahead, annotate, input, metadata, plan, progress, render, selection, wanted};
+use crate::{ahead, annotate, input, metadata, plan, progress, render, selection, survey, wanted};
 
 /// What is known of a frame beside its medium.
 struct Facts<'a> {
@@ -74,6 +78,7 @@ impl Job<'_> {
             let text = "--statistics of several frames needs a number in the name, such as NAME.%04d.json";
             return Err(Failure::Usage(text.into()));
         }
+        let surveyed = self.survey(&sequence)?;
         let skips = self.args.frames.skip_existing;
         let mut frames = plan::frames_to_read(&pictures, skips);
         let own = |number: usize| number.min(sequence.len() - 1);
@@ -103,7 +108,12 @@ impl Job<'_> {
                     let values = values.or_else(|| self.emission_spec().of_density());
                     let bodies = self.bodies(number, particles.positions().origin(), kept.as_ref())?;
                     let length = density.length;
-                    let content = Content { particles: Some(&particles), length, bodies: bodies.as_ref() };
+                    if let Some(scene) = kept {
+                        survey::warn(self.args, &particles, &scene.camera, self.report)?;
+                    }
+                    let (particles_of, bodies_of) = (Some(&particles), bodies.as_ref());
+                    let content =
+                        Content { particles: particles_of, length, bodies: bodies_of, surveyed: &surveyed };
                     let (medium, scene) = self.scene((density.density, values), content, kept.as_ref())?;
                     guesses.extend(scene.guesses.clone());
                     let (advection, text) = drift.advection(own, &particles, &scene)?.unzip();
@@ -143,6 +153,17 @@ impl Job<'_> {
         let secs = estimate::density_seconds(&settings, &lattice, rayon::current_num_threads());
         self.report.note(format_args!("tyndall: {} · {}", sequence.format(), counted(count, "particle")));
         self.dry_run(&lattice, bytes, secs, pictures.len())
+    }
+
+    /// The outlines of the centers in the frames that stand for the sequence, if all of it is framed.
+    fn survey(&self, sequence: &Sequence) -> Outcome<Vec<Outline>> {
+        survey::of(self.args, sequence.len(), |number| {
+            let read = || survey::read(sequence, number, self.args, self.report);
+            let Selected { particles, .. } = self.selected(sequence, number, None, read)?;
+            let spheres = Spheres { particles: &particles, radii: &Radii::Uniform(0.0), radius_scale: 1.0 };
+            let outliers = if self.args.camera.frame_all { Outliers::Shown } else { Outliers::Left };
+            Ok(Shown::of(spheres, outliers).outline)
+        })
     }
 
     /// The particles of a frame, as `read` finds them unless it has to be read in parts and can be; after the first frame measured as there.
@@ -206,6 +227,11 @@ impl Job<'_> {
             let density = load(pictures[0].frame, &[]).1?.grid;
             return self.dry_run(&density.lattice(), 0, 0.0, pictures.len());
         }
+        let surveyed = survey::of(self.args, own, |number| {
+            let grid = load(number, &[]).1?.grid;
+            let bounds = grid.filled_bounds().ok_or_else(|| Failure::Unseen("an empty grid".into()))?;
+            Ok(Outline::of_box(&bounds, DVec3::ZERO))
+        })?;
         let skips = self.args.frames.skip_existing;
         let done = plan::each_frame(&pictures, skips, self.report, |number, wanted, kept, written| {
             let own = number.min(own - 1);
@@ -213,7 +239,8 @@ impl Job<'_> {
             let Described { grid, conventions, .. } = density?;
             let values = self.emission_spec().of_grids(|names| load(own, names).1)?;
             let bodies = self.bodies(number, DVec3::ZERO, kept.as_ref())?;
-            let content = Content { particles: None, length: None, bodies: bodies.as_ref() };
+            let content =
+                Content { particles: None, length: None, bodies: bodies.as_ref(), surveyed: &surveyed };
             let (medium, scene) = self.scene((grid, values), content, kept.as_ref())?;
             let mut guesses = vec![format!("medium, cpu {} threads", rayon::current_num_threads())];
             guesses.extend(conventions);

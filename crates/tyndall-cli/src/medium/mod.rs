@@ -45,7 +45,7 @@ use crate::render::MOST_SAMPLES;
 use crate::report::{Failure, Outcome, Report, counted, seconds};
 use crate::sources::{self, Sources};
 use crate::values::Background;
-use crate::{dry_run, render};
+use crate::{dry_run, render, survey};
 use bodies::Bodies;
 use parted::Parted;
 use values::{NoiseMotion, Rgb};
@@ -105,6 +105,8 @@ struct Content<'a> {
     /// Their longest smoothing length.
     length: Option<f32>,
     bodies: Option<&'a Bodies>,
+    /// Of the centers in the frames that stand for the sequence, if all of it is framed.
+    surveyed: &'a [Outline],
 }
 
 /// The command line.
@@ -365,7 +367,7 @@ impl Job<'_> {
         content: Content,
         kept: Option<&Scene>,
     ) -> Outcome<(Medium, Scene)> {
-        let Content { particles, length, bodies } = content;
+        let Content { particles, length, bodies, surveyed } = content;
         let args = &self.args.medium;
         let origin = particles.map_or(DVec3::ZERO, |it| it.positions().origin());
         if grid.max() <= 0.0 {
@@ -424,7 +426,8 @@ impl Job<'_> {
         let cache = cache::Settings { spacing: args.cache_voxel, ..cache::Settings::default() }.kept(&medium);
 
         let viewpoint = render::viewpoint(self.args)?;
-        let (outline, framed) = self.outline(&medium, particles);
+        let radius = 2.0 * f64::from(medium.density().spacing());
+        let (outline, framed) = survey::joined(self.outline(&medium, particles), surveyed, radius);
         let (outline, framed) = match bodies {
             None => (outline, framed),
             Some(bodies) => {

@@ -35,7 +35,7 @@ use crate::report::{Failure, Outcome, seconds};
 use crate::selection::{self, Found};
 use crate::shot::Shot;
 use crate::sources::{self, Together};
-use crate::{looks, metadata, progress, structure};
+use crate::{looks, metadata, progress, structure, survey};
 
 /// What is asked for or guessed of a frame's particles.
 struct Guessed {
@@ -138,7 +138,10 @@ impl Job<'_> {
         let images = self.args.look.images();
         let replicas = images.map(|images| Replicas::new(particles.cell(), images)).transpose()?;
         let (camera, outline, framing_text) = match kept.as_ref() {
-            Some(kept) => (kept.camera, kept.outline.clone(), "framed as the first frame".to_string()),
+            Some(kept) => {
+                survey::warn(self.args, particles, &kept.camera, self.report)?;
+                (kept.camera, kept.outline.clone(), "framed as the first frame".to_string())
+            }
             None => self.camera(spheres, replicas.as_ref(), guesses, layers),
         };
         let colors = self.colors(particles, kept.as_ref())?;

@@ -6,7 +6,7 @@ use tyndall::scene::Scene;
 use tyndall::scene::automatic::{self, Outliers};
 use tyndall::scene::camera::Camera;
 use tyndall::scene::color::{ParticleColors, resolve};
-use tyndall::scene::coloring::Mapping;
+use tyndall::scene::coloring::{Mapping, Norm, Range};
 use tyndall::scene::ellipsoids::Ellipsoids;
 use tyndall::scene::guesses::{Guesses, Shown};
 use tyndall::scene::outline::Outline;
@@ -14,12 +14,50 @@ use tyndall::scene::short;
 use tyndall::scene::viewpoint::{Lens, too_small};
 use tyndall::structure::Spheres;
 use tyndall::structure::replicas::Replicas;
+use tyndall_io::Sequence;
 
-use super::{Job, Kept};
+use super::{Job, Kept, Surveyed, range_of};
 use crate::report::{Outcome, counted};
-use crate::{culling, device, lights, looks, sources, structure};
+use crate::{culling, device, lights, looks, selection, sources, structure, survey};
 
 impl Job<'_> {
+    /// Looks at the frames that stand for a sequence.
+    pub(super) fn survey(&self, sequence: &Sequence) -> Outcome<Surveyed> {
+        let look = &self.args.look;
+        let outliers = if self.args.camera.frame_all { Outliers::Shown } else { Outliers::Left };
+        let found = survey::of(self.args, sequence.len(), |number| {
+            let particles = match self.parts(sequence, number) {
+                Some(parts) => parts.sample(self.report.progress())?,
+                None => survey::read(sequence, number, self.args, self.report)?.particles,
+            };
+            let particles = match &look.radius {
+                Some(size) => size.apply(particles)?,
+                None => particles,
+            };
+            let colors = resolve(&particles, &look.color, &look.mapping())?;
+            let particles = match self.args.camera.frame_shown {
+                true => selection::keep(&self.args.selection, particles)?.0,
+                false => particles,
+            };
+            let (radii, _) = self.radii(&particles, None, None);
+            let spheres = Spheres { particles: &particles, radii: &radii, radius_scale: look.radius_scale };
+            let layers = self.sources.read(number, &[], self.report)?;
+            let of_layers = layers.into_iter().map(|layer| layer.outline);
+            let outlines = std::iter::once(Shown::of(spheres, outliers).outline).chain(of_layers);
+            let range = colors.legend.as_ref().and_then(range_of);
+            Ok((Outline::joined(&outlines.collect::<Vec<_>>()), range))
+        })?;
+        let (outlines, ranges): (Vec<Outline>, Vec<_>) = found.into_iter().unzip();
+        let wider = |a: (Norm, Range), b: (Norm, Range)| match (a.1, b.1) {
+            (Range::Given(low, high), Range::Given(other_low, other_high)) => {
+                (a.0, Range::Given(low.min(other_low), high.max(other_high)))
+            }
+            _ => a,
+        };
+        let range = ranges.into_iter().flatten().reduce(wider);
+        Ok(Surveyed { outlines, range: range.filter(|_| self.args.frames.fixed_range) })
+    }
+
     pub(super) fn radii(
         &self,
         particles: &Particles,
@@ -72,6 +110,7 @@ impl Job<'_> {
         let guessed = guesses.filter(|_| spheres.radius_scale == 1.0);
         let shown = guessed.map_or_else(|| Shown::of(spheres, outliers), |it| it.shown(outliers).clone());
         let Shown { framing, outline } = shown;
+        let outline = self.with_surveyed(outline);
         let outline = replicas.map_or_else(|| outline.clone(), |replicas| outline.replicated(replicas));
         let others = layers.iter().map(|layer| layer.outline.clone());
         let outline = Outline::joined(&std::iter::once(outline).chain(others).collect::<Vec<_>>());
@@ -82,6 +121,9 @@ impl Job<'_> {
         }
         if self.viewpoint.lens == Lens::Panorama {
             return (camera, outline, "panorama from the middle".into());
+        }
+        if !self.surveyed.outlines.is_empty() {
+            return (camera, outline, "framed on the whole sequence".into());
         }
         if self.args.camera.frame_shown {
             return (camera, outline, "framed on what is shown".into());
@@ -95,6 +137,12 @@ impl Job<'_> {
         (camera, outline, framing.description)
     }
 
+    /// The outline with those of the frames that stand for the sequence.
+    fn with_surveyed(&self, outline: Outline) -> Outline {
+        let others = self.surveyed.outlines.iter().cloned();
+        Outline::joined(&std::iter::once(outline).chain(others).collect::<Vec<_>>())
+    }
+
     /// The camera that frames what a scene shows, and the outline of that; none if nothing is shown. `around` are radii of the spheres around other shapes that stand in
     /// place of spheres.
     pub(super) fn shown(&self, scene: &Scene, around: Option<Radii>) -> Option<(Camera, Outline)> {
@@ -104,6 +152,7 @@ impl Job<'_> {
             _ => 0.0,
         };
         let (Shown { framing, outline }, particles) = Shown::of_scene(scene, least_radius, outliers)?;
+        let outline = self.with_surveyed(outline);
         let Settings { width, height, .. } = self.settings;
         let camera = self.viewpoint.camera(&outline, f64::from(width) / f64::from(height));
         if let Some(warning) = framing.warning.filter(|_| self.viewpoint.eye.is_none()) {
@@ -120,11 +169,15 @@ impl Job<'_> {
     pub(super) fn colors(&self, particles: &Particles, kept: Option<&Kept>) -> Outcome<ParticleColors> {
         let look = &self.args.look;
         let mapping = look.mapping();
-        let mapping = match kept.and_then(|kept| kept.range) {
+        let mapping = match kept.and_then(|kept| kept.range).or(self.surveyed.range) {
             Some((norm, range)) => Mapping { norm: Some(norm), range, ..mapping },
             None => mapping,
         };
-        Ok(resolve(particles, &look.color, &mapping)?)
+        let mut colors = resolve(particles, &look.color, &mapping)?;
+        if self.surveyed.range.is_some() {
+            colors.description = colors.description.replace("(given)", "(of the whole sequence)");
+        }
+        Ok(colors)
     }
 
     /// All that was chosen and guessed, piece by piece.

@@ -47,7 +47,7 @@ pub(crate) fn run(args: &args::Render, report: &Report) -> Outcome<()> {
         (None, _) if args.method.mode == Mode::Project => return project::run(args, report),
         (None, _) => {}
     }
-    let job = Job::new(args, report)?;
+    let mut job = Job::new(args, report)?;
     // What cannot work is refused before the reading.
     let mut output = Output::new(args, report)?;
     let known = input::known_count(&args.input.files)?;
@@ -67,6 +67,7 @@ pub(crate) fn run(args: &args::Render, report: &Report) -> Outcome<()> {
     if args.method.dry_run {
         return job.dry_run(&sequence, &pictures);
     }
+    job.surveyed = job.survey(&sequence)?;
     let frames = plan::frames_to_read(&pictures, args.frames.skip_existing);
     let done = ahead::reading(&sequence, &frames, args.method.memory, |ahead| {
         plan::each_frame(&pictures, args.frames.skip_existing, report, |frame, wanted, kept, written| {
@@ -129,6 +130,15 @@ struct Job<'a> {
     goal: Goal,
     meshes: Meshes,
     sources: Sources<'a>,
+    /// Of the whole sequence, if that is framed.
+    surveyed: Surveyed,
+}
+
+/// What the frames of a sequence have in common.
+#[derive(Default)]
+struct Surveyed {
+    outlines: Vec<Outline>,
+    range: Option<(Norm, Range)>,
 }
 
 impl<'a> Job<'a> {
@@ -226,6 +236,7 @@ impl<'a> Job<'a> {
             goal,
             meshes: args.shapes.meshes()?,
             sources: Sources::open(&args.layers.sources.iter().collect::<Vec<_>>(), report)?,
+            surveyed: Surveyed::default(),
         })
     }
 

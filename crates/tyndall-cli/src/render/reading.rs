@@ -100,7 +100,7 @@ impl Job<'_> {
     }
 
     /// The frame as parts, if it has to be read in parts and can be.
-    fn parts(&self, sequence: &Sequence, number: usize) -> Option<Parts> {
+    pub(super) fn parts(&self, sequence: &Sequence, number: usize) -> Option<Parts> {
         // Particles that are put elsewhere, bonded or drawn as other shapes are all needed at once.
         let needs_all =
             self.args.look.bonds.is_some() || self.args.shapes.are_of_particles() || !self.sources.is_empty();

@@ -550,3 +550,49 @@ fn up_is_an_axis_or_a_direction() {
     assert!(pixels("--up y") != pixels("--up z"));
     folder.render("a.xyz -o b.png --up w").fails(2, &["--up", "an axis such as z or -y"]);
 }
+
+#[test]
+fn a_sequence_is_framed_on_its_first_frame_or_on_all() {
+    let folder = Folder::new();
+    let frame = |scale: f64| {
+        let row = |k: u32| {
+            let [x, y, z] = [k & 1, k >> 1 & 1, k >> 2].map(|bit| scale * (2.0 * f64::from(bit) - 1.0));
+            format!("H {x} {y} {z} {}\n", scale * f64::from(k))
+        };
+        let rows: String = (0..8).map(row).collect();
+        format!("8\nProperties=species:S:1:pos:R:3:q:R:1\n{rows}")
+    };
+    let frames: Vec<String> = [1.0, 2.0, 5.0].map(frame).to_vec();
+    folder.file("a.xyz", frames.concat());
+    folder.file("last.xyz", &frames[2]);
+    let view = "--radius 0.5 --color q --look flat --samples 4";
+    let warning = "warning: later frames reach out of the picture, which is framed on the first one (--frame-sequence to see all)";
+    let said = folder.render(&format!("a.xyz -o a.%d.png {view}")).fine();
+    assert_eq!(said.matches(warning).count(), 1, "{said}");
+    for quiet in ["--frame-sequence", "--eye 40,0,0", "--look-at 1,0,0", "--ortho 2", "--frames 0"] {
+        let said = folder.render(&format!("a.xyz -o quiet.%d.png {view} {quiet}")).fine();
+        assert!(!said.contains("reach out"), "{said}");
+    }
+    // What is largest comes last, so that the frame of all is that of the last, whichever frames are asked for.
+    folder.render(&format!("last.xyz -o last.png {view} --frame-all")).fine();
+    let last = png(&folder.path("last.png")).0;
+    for frames in ["", "--frames 2:", "--frame-shown", "--structure pkd"] {
+        let line = format!("a.xyz -o b.%d.png {view} --frame-sequence --range 0:35 {frames}");
+        let said = folder.render(&line).fine();
+        assert!(said.contains("framed on the whole sequence"), "{said}");
+    }
+    let said = folder.render(&format!("a.xyz -o b.%d.png {view} --frame-sequence --fixed-range")).fine();
+    assert!(said.contains("(of the whole sequence)"), "{said}");
+    let found = png(&folder.path("b.2.png")).0;
+    assert_eq!(found.len(), last.len());
+    let other =
+        found.chunks(3).zip(last.chunks(3)).filter(|(a, b)| (*a == [255; 3]) != (*b == [255; 3])).count();
+    assert!(other < last.len() / 3 / 100, "{other} pixels are framed otherwise");
+
+    for mode in ["medium --grid 16", "project"] {
+        let line = format!("a.xyz -o c.%d.png --mode {mode} --size 32x24");
+        assert!(folder.render(&line).err.contains(warning), "{mode}");
+        let said = folder.render(&format!("{line} --frame-sequence")).fine();
+        assert!(said.contains("framed on the whole sequence") && !said.contains("reach out"), "{said}");
+    }
+}

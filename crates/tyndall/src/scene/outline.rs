@@ -79,6 +79,12 @@ impl Outline {
         }
     }
 
+    /// As much larger as a radius makes it whose centers it is the outline of.
+    pub fn grown(&self, radius: f64) -> Self {
+        let grown = |point: &DVec3| *point + radius * (*point - self.center).normalize_or_zero();
+        Self { center: self.center, points: self.points.iter().map(grown).collect() }
+    }
+
     /// Of periodic images of what it is the outline of.
     pub fn replicated(&self, replicas: &Replicas) -> Self {
         let corners = replicas.corners();

@@ -11,6 +11,7 @@ use super::camera::{Camera, Projection, View, usable_up};
 use super::outline::Outline;
 use super::statistics::{grouped, sampled_ids, short};
 use crate::error::{Error, Result};
+use crate::particles::Particles;
 use crate::structure::{Spheres, Structure};
 
 /// Where the camera looks if nobody says so: from the front right, and from above.
@@ -234,6 +235,15 @@ pub fn too_small(spheres: Spheres, view: &View) -> Option<String> {
     ))
 }
 
+/// Which share of the particles is in view, by their centers; 1 without particles. Looks at a sample of them.
+pub fn share_in_view(particles: &Particles, view: &View) -> f64 {
+    let ids = sampled_ids(particles.len(), SAMPLES);
+    let is_seen = |id: usize| size_in_view((particles.positions().offset(id), 0.0), view).is_some();
+    let (seen, all) =
+        ids.map(|id| (usize::from(is_seen(id)), 1_usize)).reduce(|| (0, 0), |a, b| (a.0 + b.0, a.1 + b.1));
+    if all == 0 { 1.0 } else { seen as f64 / all as f64 }
+}
+
 /// The radius in pixels of the sphere at `center`, if it may be seen in some pixel.
 fn size_in_view((center, radius): (Vec3, f32), view: &View) -> Option<f64> {
     let offset = center - view.eye;
@@ -254,7 +264,7 @@ mod tests {
     use super::super::camera::corners;
     use super::*;
     use crate::math::Bounds;
-    use crate::particles::{Attribute, Columns, Particles, Radii, Values};
+    use crate::particles::{Attribute, Columns, Radii, Values};
     use crate::structure::Kind;
 
     fn viewpoint() -> Viewpoint {
