@@ -52,6 +52,7 @@ mod pdb;
 mod picture;
 mod ply;
 mod poscar;
+mod pqr;
 mod prt;
 mod ptc;
 mod pts;
@@ -370,6 +371,13 @@ pub(crate) const FORMATS: &[Format] = &[
         recognise: |head, _| amber::recognise(head),
         features: &[Feature::CoordinatesOnly],
         open: Open::Binary { index: amber::index, frame: amber::frame },
+    },
+    Format {
+        names: &["pqr"],
+        title: "PQR",
+        recognise: pqr::recognise,
+        features: &[],
+        open: Open::Whole(pqr::read),
     },
     Format {
         names: &["pdb"],
