@@ -120,6 +120,9 @@ fn variants(samples: u32, particles: usize) -> Vec<Tilings> {
         endless(tiling([8, 8], 1, 4)),
         endless(tiling([8, 4], 4, 8)),
         endless(tiling([4, 4], 4, 4)),
+        // Groups of as many threads as cards run in step: barriers cost nothing there.
+        endless(tiling([8, 4], 1, 4)),
+        endless(tiling([4, 2], 4, 4)),
         endless(tiling([8, 8], 4, 16)),
         patient(32, small),
         patient(64, small),
