@@ -27,7 +27,8 @@ use crate::values::{LabelFormat, length};
 #[derive(Args)]
 #[command(next_help_heading = "Annotations")]
 pub(crate) struct Annotate {
-    /// A color bar of what --color shows, or a list of types or elements with their colors; under this heading [default: the quantity and its unit]
+    /// A color bar of what --color shows, or a list of types or elements with their colors; of a medium what its --emission shows where it is thick, as colors add up where it is seen
+    /// through. Under this heading [default: the quantity and its unit]
     #[arg(long, value_name = "HEADING", num_args = 0..=1, default_missing_value = "auto")]
     bar: Option<String>,
     /// Where the color bar stands: left right top bottom top-left top-right bottom-left bottom-right [default: where the first picture shows nothing; say it

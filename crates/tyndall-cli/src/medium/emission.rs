@@ -8,7 +8,7 @@ use tyndall::medium::density::Field;
 use tyndall::medium::grid::{BRICK, Lattice};
 use tyndall::medium::{BlackBody, Emission, Grid};
 use tyndall::particles::{Attribute, Particles, Values as Column};
-use tyndall::scene::color::Scale;
+use tyndall::scene::color::{Key, Legend, Scale};
 use tyndall::scene::coloring::Coloring;
 use tyndall::scene::quantity::{Component, Quantity};
 use tyndall::scene::short;
@@ -160,6 +160,11 @@ impl EmissionSpec {
         !self.names().is_empty()
     }
 
+    /// Whether its colors stand for numbers.
+    pub(super) fn is_mapped(&self) -> bool {
+        matches!(self, Self::Quantity(_))
+    }
+
     /// What the quantity that it is of may be called, best first; nothing if it is of none.
     fn names(&self) -> Vec<&str> {
         match self {
@@ -271,7 +276,8 @@ pub(super) enum Source {
     Even([f32; 3]),
     /// Of numbers times a factor.
     BlackBody(BlackBody, f64),
-    Map(Box<Scale>),
+    /// Of a quantity of that name, through colors.
+    Map(String, Box<Scale>),
 }
 
 impl Source {
@@ -306,8 +312,9 @@ impl Source {
             return Self::black_body(spec, name, &mut weighted).map(Some);
         }
         let numbers: Vec<f64> = weighted.iter().map(|(value, _)| *value).collect();
-        let (scale, text) = Scale::of_numbers(name.unwrap_or_default(), &numbers, &args.look.mapping())?;
-        Ok(Some((Self::Map(Box::new(scale)), format!("emission {text}"))))
+        let name = name.unwrap_or_default();
+        let (scale, text) = Scale::of_numbers(name, &numbers, &args.look.mapping())?;
+        Ok(Some((Self::Map(name.into(), Box::new(scale)), format!("emission {text}"))))
     }
 
     /// Black bodies of numbers with their weights, and how they are told.
@@ -339,11 +346,19 @@ impl Source {
         Ok((Self::BlackBody(body, factor), text))
     }
 
+    /// What colors mean, where they stand for a quantity; its unit is that of the particles.
+    pub(super) fn legend(&self, particles: Option<&Particles>) -> Option<Legend> {
+        let Self::Map(name, scale) = self else { return None };
+        let quantity = particles.and_then(|particles| Quantity::find(particles, name, None).ok());
+        let unit = quantity.and_then(|it| it.unit().map(String::from));
+        Some(Legend { label: name.clone(), unit, key: Key::Amounts((**scale).clone()), missing: None })
+    }
+
     /// The radiance where the quantity has a value.
     fn radiance(&self, value: f64) -> [f32; 3] {
         match self {
             Self::BlackBody(body, factor) => body.radiance(factor * value),
-            Self::Map(scale) => scale.color(value),
+            Self::Map(_, scale) => scale.color(value),
             Self::Even(radiance) => *radiance,
         }
     }

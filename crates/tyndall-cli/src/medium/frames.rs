@@ -8,6 +8,7 @@ use tyndall::medium::noise::advection::Advection;
 use tyndall::medium::{Medium, density};
 use tyndall::particles::{Particles, Radii};
 use tyndall::scene::automatic::Outliers;
+use tyndall::scene::color::Legend;
 use tyndall::scene::guesses::Shown;
 use tyndall::scene::outline::Outline;
 use tyndall::structure::Spheres;
@@ -37,6 +38,8 @@ struct Facts<'a> {
     time: (Option<f64>, Option<&'a str>),
     length_unit: Option<&'a str>,
     cell: Option<Cell>,
+    /// What the colors of what the medium gives off mean, if they mean something.
+    legend: Option<Legend>,
     metadata: &'a [(String, String)],
     bodies: Option<&'a Bodies>,
     /// How the noise has gone with the particles.
@@ -128,6 +131,7 @@ impl Job<'_> {
                         time: (time, particles.time_unit()),
                         length_unit: particles.length_unit(),
                         cell: particles.cell().copied(),
+                        legend: scene.source.as_ref().and_then(|it| it.legend(Some(&particles))),
                         metadata: &metadata,
                         bodies: bodies.as_ref(),
                         advection: advection.flatten(),
@@ -254,6 +258,7 @@ impl Job<'_> {
                 time: (None, None),
                 length_unit: None,
                 cell: None,
+                legend: scene.source.as_ref().and_then(|it| it.legend(None)),
                 metadata: &metadata,
                 bodies: bodies.as_ref(),
                 advection: None,
@@ -289,7 +294,7 @@ impl Job<'_> {
                     Background::Color(color) => Behind::Color(color),
                     Background::Sky => Behind::Picture,
                 },
-                colors: (None, "of light"),
+                colors: (facts.legend.as_ref(), "of light"),
                 frame: facts.frame,
                 time: facts.time,
                 length_unit: facts.length_unit,

@@ -160,9 +160,9 @@ impl Job<'_> {
             let text = "--replicate is for spheres — leave it out, or --mode medium";
             return Err(Failure::Usage(text.into()));
         }
-        if let Some(flag) = self.args.annotate.of_colors() {
+        if let Some(flag) = self.args.annotate.of_colors().filter(|_| !self.emission_spec().is_mapped()) {
             let text = format!(
-                "{flag} is for spheres, whose colors stand for numbers — leave it out, or --mode medium"
+                "{flag} is for colors that stand for numbers, which this medium has not — try --emission NAME of a quantity, --mode project, or leave it out"
             );
             return Err(Failure::Usage(text));
         }

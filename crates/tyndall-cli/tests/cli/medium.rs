@@ -281,6 +281,15 @@ fn matter_glows_by_its_temperature_a_quantity_or_evenly() {
     assert_eq!(png(&folder.path("same.png")).0, pixels, "it finds the temperature itself");
     let said = folder.render(&format!("{fire} 2*age --cmap viridis -o age.png")).fine();
     assert!(said.contains("emission 2*age viridis"), "{said}");
+    let bar = "--bar --bar-file bar.svg --size 200x150 --annotation-color #00ff00";
+    let said = folder.render(&format!("{fire} 2*age -o bar.png {bar}")).fine();
+    assert!(!said.contains("stand for no numbers"), "{said}");
+    let svg = std::fs::read_to_string(folder.path("bar.svg")).unwrap();
+    assert!(svg.contains("2*age"), "{svg}");
+    assert!(png(&folder.path("bar.png")).0.chunks(3).any(|it| it == [0, 255, 0]), "texts in that color");
+    folder
+        .render(&format!("{fire} 1 -o b.png --bar"))
+        .fails(2, &["--bar is for colors that stand for numbers"]);
     let said = folder.render(&format!("{fire} 1,0.5,0.25 --emission-scale 2 -o even.png")).fine();
     assert!(said.contains("emission 1,0.5,0.25 · emission times 2"), "{said}");
 }

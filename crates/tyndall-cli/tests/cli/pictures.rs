@@ -567,10 +567,10 @@ fn a_sequence_is_framed_on_its_first_frame_or_on_all() {
     folder.file("last.xyz", &frames[2]);
     let view = "--radius 0.5 --color q --look flat --samples 4";
     let warning = "warning: later frames reach out of the picture, which is framed on the first one (--frame-sequence to see all)";
-    let said = folder.render(&format!("a.xyz -o a.%d.png {view}")).fine();
+    let said = folder.render(&format!("a.xyz -o a.%d.png {view}")).err;
     assert_eq!(said.matches(warning).count(), 1, "{said}");
-    for quiet in ["--frame-sequence", "--eye 40,0,0", "--look-at 1,0,0", "--ortho 2", "--frames 0"] {
-        let said = folder.render(&format!("a.xyz -o quiet.%d.png {view} {quiet}")).fine();
+    for quiet in ["--eye 40,0,0", "--look-at 1,0,0", "--ortho 2", "--frames 0"] {
+        let said = folder.render(&format!("a.xyz -o quiet.%d.png {view} {quiet}")).err;
         assert!(!said.contains("reach out"), "{said}");
     }
     // What is largest comes last, so that the frame of all is that of the last, whichever frames are asked for.

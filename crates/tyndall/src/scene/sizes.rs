@@ -102,7 +102,7 @@ mod tests {
         let (names, codes) = (vec!["a".into(), "b".into()], vec![0, 1, 0, 1]);
         let attributes = vec![
             Attribute::new("d", 1, d),
-            Attribute::new("word", 1, Values::Text { codes, names: names.into() }),
+            Attribute::new("word", 1, Values::Text { codes, names }),
             Attribute::new("v", 2, Values::F32(vec![3.0, 4.0, 0.0, 0.0, 0.0, 1.0, 1.0, 0.0])),
         ];
         Particles::new(Columns { positions, attributes, ..Columns::default() }).unwrap()
