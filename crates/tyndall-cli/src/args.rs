@@ -11,6 +11,7 @@ use tyndall::scene::camera_path::Key;
 use tyndall::scene::center::Center;
 use tyndall::scene::select::{Clip, Filter};
 use tyndall::scene::sizes::Size as Radius;
+use tyndall::scene::type_elements::TypeElements;
 use tyndall::scene::viewpoint::Side;
 use tyndall_io::annotation::Frame;
 use tyndall_io::write::{ImageOptions, movie};
@@ -53,7 +54,7 @@ pub(crate) enum Verb {
     /// Renders particles to a picture, or to numbered pictures
     Render(Box<Render>),
     /// Says what is in a file
-    Info(Info),
+    Info(Box<Info>),
     /// Saves particles with their structure, in a file that opens at once
     Build(Box<Build>),
     /// Writes particles in another format
@@ -129,6 +130,11 @@ pub(crate) struct Input {
     /// Whether a LAMMPS dump's coordinates are fractions of its cell [default: as its columns are called]
     #[arg(long, value_name = "KIND")]
     pub(crate) coords: Option<Coords>,
+    /// Element of each type, where the file has types alone: symbols in the order of the types 1, 2, ..., Cu,Zr, as of LAMMPS' dump_modify
+    /// element (of HOOMD's typeid, which counts from 0, in the order of 0, 1, ...), or pairs by number or name: 1=Cu,4=Zr or A=Cu. It counts before elements
+    /// that the file says; types that are not named keep these, or have none
+    #[arg(long, value_name = "SYMBOLS")]
+    pub(crate) elements: Option<TypeElements>,
     /// Biological assembly to make of a PDB, mmCIF, BinaryCIF or MMTF file: its number, or all [default: the atoms of the file]
     #[arg(long, value_name = "NUMBER")]
     pub(crate) assembly: Option<String>,

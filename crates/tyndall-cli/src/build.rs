@@ -56,6 +56,7 @@ pub(crate) fn run(args: &args::Build, report: &Report) -> Outcome<()> {
         report.note(format_args!("note: frame {first} of {}; --frame N for another", sequence.len()));
     }
     let frame = input::read(&sequence, number, &args.input, report)?;
+    frame.given.iter().for_each(|text| report.note(text));
     if !input::are_as_stored(&args.input) {
         frame.conventions.last().into_iter().for_each(|text| report.note(text));
     }

@@ -79,9 +79,11 @@ fn write_file(
         let told = (&frame.particles, &frame.warnings[..]);
         input::tell(&sequence.name(frames[place]), told, &args.input, report)?;
         let (frame, text) = input::place(frame, &args.input)?;
-        match text {
-            Some(text) if place == 0 => report.note(text),
-            text => text.into_iter().for_each(|text| report.detail(text)),
+        for text in frame.given.into_iter().chain(text) {
+            match place {
+                0 => report.note(text),
+                _ => report.detail(text),
+            }
         }
         let (kept, share) = selection::keep(&args.selection, frame.particles).map_err(|failure| {
             failed = Some(failure);

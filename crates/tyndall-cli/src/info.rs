@@ -37,9 +37,9 @@ pub(crate) fn run(args: &args::Info, report: &Report) -> Outcome<()> {
         text.push_str(" · all checksums right");
     }
     let frame = match saved {
-        Some(Saved { particles, conventions, warnings, .. }) => {
+        Some(Saved { particles, conventions, given, warnings, .. }) => {
             input::tell(&sequence.name(number), (&particles, &warnings), &args.input, report)?;
-            Frame { particles, conventions, warnings }
+            Frame { particles, conventions, given, warnings }
         }
         None => input::as_stored(&sequence, number, &args.input, report)?,
     };
@@ -100,6 +100,7 @@ fn text(sequence: &Sequence, number: usize, frame: &Frame, structure: Option<Str
         lines.push(format!("dropped {} that cannot be drawn", grouped(dropped as usize)));
     }
     lines.extend(frame.conventions.iter().map(|guess| format!("guessed: {guess}")));
+    lines.extend(frame.given.iter().map(|text| format!("given: {text}")));
     if particles.length_unit().is_none() {
         lines.push("note: no length unit in the file".to_string());
     }

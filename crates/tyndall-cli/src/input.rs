@@ -29,6 +29,7 @@ pub(crate) fn open(input: &Input, wanted: Option<Wanted>, report: &Report) -> Ou
         assembly: input.assembly.clone(),
         types: input.types.clone(),
         dataset: input.dataset.clone(),
+        elements: input.elements.clone(),
         index_folder: if input.no_index { None } else { cache_folder().map(|it| it.join("frames")) },
         // Molecules and image flags have names that pictures do not look at.
         wanted: wanted.filter(|_| matches!(placement(input), Placement::AsStored | Placement::Atoms)),
@@ -63,11 +64,11 @@ pub(crate) fn read(sequence: &Sequence, number: usize, input: &Input, report: &R
     placed(as_stored(sequence, number, input, report)?, input)
 }
 
-/// The frame with its particles where they are wanted, which is one more convention.
+/// The frame with its particles where they are wanted; what is said in place of the file, and where they are, are conventions more.
 fn placed(frame: Frame, input: &Input) -> Outcome<Frame> {
-    let (frame, text) = place(frame, input)?;
-    let conventions = frame.conventions.into_iter().chain(text).collect();
-    Ok(Frame { conventions, ..frame })
+    let (mut frame, text) = place(frame, input)?;
+    frame.conventions.extend(frame.given.iter().cloned().chain(text));
+    Ok(frame)
 }
 
 /// Reads a frame and says what is wrong with it.

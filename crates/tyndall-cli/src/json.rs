@@ -33,6 +33,7 @@ pub(crate) fn describe(sequence: &Sequence, number: usize, frame: &Frame) -> Str
         "last": particles.len().checked_sub(1).and_then(|last| particle(particles, last)),
         "dropped": { "position": dropped.position, "radius": dropped.radius, "total": dropped.total() },
         "conventions": frame.conventions,
+        "given": frame.given,
         "warnings": frame.warnings,
     });
     format!("{object:#}\n")

@@ -6,11 +6,13 @@
 //! go back, so that a long trajectory is never held as a whole. Frames may also be spread over files (`pieces.rs`).
 
 mod file;
+pub(crate) mod given;
 mod pieces;
 
 use std::path::{Path, PathBuf};
 
 use rayon::prelude::*;
+use tyndall::scene::type_elements::TypeElements;
 use tyndall::scene::wanted::Wanted;
 use tyndall::{Error, Particles, Progress, Result};
 
@@ -19,6 +21,7 @@ use crate::read::{Feature, Open, Packing};
 use crate::saved::Saved;
 use crate::topology::Topology;
 use file::{Asked, FileSource, file_bytes, file_name};
+use given::Told;
 use pieces::Pieces;
 pub use pieces::has_place as is_in_pieces;
 
@@ -39,6 +42,8 @@ pub struct Options {
     pub types: Option<Vec<String>>,
     /// Which data set of an HDF5 file has the positions, or which group of an H5MD file the particles, where there are several.
     pub dataset: Option<String>,
+    /// Which element each type is, in place of what the file says of elements.
+    pub elements: Option<TypeElements>,
     /// A folder in which indexes of the frames of long texts are kept, so that these are passed over once; none are kept if `None`.
     pub index_folder: Option<PathBuf>,
     /// What the attributes are for: others are left out, where the format lets a reader pass over them. All are read if `None`.
@@ -52,6 +57,8 @@ pub struct Frame {
     pub particles: Particles,
     /// What was guessed while reading, one line each.
     pub conventions: Vec<String>,
+    /// What the caller said in place of the file ([`Options::elements`]), one line each.
+    pub given: Vec<String>,
     /// What the user should know, one line each. What concerns the whole file is said with each of its frames.
     pub warnings: Vec<String>,
 }
@@ -100,6 +107,7 @@ impl Sequence {
             None => Ok((name.clone(), pieces::files(name)?)),
         };
         let named: Vec<(PathBuf, Option<Vec<PathBuf>>)> = paths.iter().map(named).collect::<Result<_>>()?;
+        let options = &given::with_wanted(options);
         let paths: Vec<PathBuf> = named
             .iter()
             .flat_map(|(name, pieces)| pieces.clone().unwrap_or_else(|| vec![name.clone()]))
@@ -179,11 +187,17 @@ impl Sequence {
         let mut frame =
             self.sources[source].frame(within, &self.options, self.topology.as_ref(), progress)?;
         frame.warnings.extend(dropped(&frame.particles));
-        Ok(frame)
+        let Told { particles, given, warnings } = given::told(frame.particles, &self.options)?;
+        frame.warnings.extend(warnings);
+        Ok(Frame { particles, given, ..frame })
     }
 
-    /// Frame `frame` as a source of parts, for when it does not fit the memory; `None` where its format has to be read as a whole.
+    /// Frame `frame` as a source of parts, for when it does not fit the memory; `None` where its format has to be read as a whole, or
+    /// types are to have elements.
     pub fn parts(&self, frame: usize) -> Result<Option<Parts>> {
+        if self.options.elements.is_some() {
+            return Ok(None);
+        }
         let (source, _) = self.place(frame);
         match &self.sources[source] {
             Source::Synthetic(spec) => Parts::of_synthetic(spec).map(Some),
@@ -201,7 +215,7 @@ impl Sequence {
             Source::File(file) if file.format.has(Feature::Structure) && file.packing == Packing::Plain => {
                 let mut saved = Saved::open(&file.path)?;
                 saved.warnings.extend(dropped(&saved.particles));
-                Ok(Some(saved))
+                saved.told(&self.options).map(Some)
             }
             _ => Ok(None),
         }
@@ -232,7 +246,7 @@ fn without_repeated_snapshots(sources: Vec<Source>) -> Vec<Source> {
 /// Makes the particles of a procedural source.
 fn synthetic_frame(spec: &str, progress: &dyn Progress) -> Result<Frame> {
     let particles = tyndall::synthetic::generate(spec, progress)?;
-    Ok(Frame { particles, conventions: Vec::new(), warnings: Vec::new() })
+    Ok(Frame { particles, conventions: Vec::new(), given: Vec::new(), warnings: Vec::new() })
 }
 
 /// The warning about particles that were left out on entry.

@@ -78,7 +78,7 @@ impl Job<'_> {
             (None, Some(saved)) => {
                 let sample = saved.sample()?;
                 opened = Some(Opened { structure: saved.structure, guesses: saved.guesses, sample });
-                (saved.particles, saved.conventions)
+                (saved.particles, [saved.conventions, saved.given].concat())
             }
             (None, None) => {
                 let frame = input::read_ahead((sequence, ahead), number, &self.args.input, self.report)?;

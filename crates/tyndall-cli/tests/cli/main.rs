@@ -9,6 +9,7 @@ mod convert;
 mod cut;
 mod device;
 mod errors;
+mod given;
 mod illustrations;
 mod info;
 mod layers;

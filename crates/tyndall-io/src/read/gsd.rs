@@ -265,7 +265,7 @@ pub(crate) fn frame(
     path: &Path,
     bytes: &[u8],
     span: Span,
-    _: &Request,
+    request: &Request,
     progress: &dyn Progress,
 ) -> Result<Frame> {
     let file = File::open(path, bytes)?;
@@ -316,7 +316,9 @@ pub(crate) fn frame(
         Layout { count: count as usize, axes, fields }.gather(path, total, progress)?.into_columns();
 
     types(&mut columns.attributes, chunks.types(), count as usize);
-    if !columns.attributes.iter().any(|it| it.name == "diameter") {
+    let has_diameters = columns.attributes.iter().any(|it| it.name == "diameter");
+    // Elements have radii of their own, which say more than a default.
+    if !has_diameters && request.options.elements.is_none() {
         conventions.push("no diameters: 1, as the schema says".to_string());
         columns.radii = Some(Radii::Uniform(0.5));
     }
@@ -484,6 +486,20 @@ mod tests {
                 frames[0].conventions
             );
         }
+    }
+
+    #[test]
+    fn a_default_diameter_gives_way_to_elements() {
+        let file = sample(2);
+        let options = Options { elements: Some("Xe=Xe".parse().unwrap()), ..Options::default() };
+        let frames = real_data::frames(&real_data::recognised(&file).open, &file, &options).unwrap();
+        assert_eq!(frames[2].particles.radii(), None);
+        assert!(
+            frames[2].conventions.iter().all(|it| !it.contains("diameter")),
+            "{:?}",
+            frames[2].conventions
+        );
+        assert!(frames[0].particles.radii().is_some(), "diameters of the file stay");
     }
 
     #[test]

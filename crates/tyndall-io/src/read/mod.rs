@@ -668,7 +668,7 @@ pub(crate) fn unpack(path: &Path, packing: Packing, progress: &dyn Progress) -> 
 
 /// Checks the columns on entry.
 pub(crate) fn finish(columns: Columns, conventions: Vec<String>, warnings: Vec<String>) -> Result<Frame> {
-    Ok(Frame { particles: Particles::new(columns)?, conventions, warnings })
+    Ok(Frame { particles: Particles::new(columns)?, conventions, given: Vec::new(), warnings })
 }
 
 /// Whether these bytes are text in an encoding that has ASCII in it.

@@ -547,7 +547,7 @@ pub(crate) fn spell_out_colors(attributes: &mut [Attribute], conventions: &mut V
 
 /// The columns as a frame, checked.
 pub(crate) fn frame(columns: Columns, conventions: Vec<String>, warnings: Vec<String>) -> Result<Frame> {
-    Ok(Frame { particles: Particles::new(columns)?, conventions, warnings })
+    Ok(Frame { particles: Particles::new(columns)?, conventions, given: Vec::new(), warnings })
 }
 
 /// The file promises more than it holds.

@@ -23,7 +23,8 @@ use tyndall::{Error, Particles, Progress, Result};
 use self::container::Table;
 use self::contents::Contents;
 use crate::read;
-use crate::sequence::Frame;
+use crate::sequence::given::{self, Told};
+use crate::sequence::{Frame, Options};
 pub use write::{Recipe, Written, build};
 
 /// Whether a file begins like one of these.
@@ -40,6 +41,8 @@ pub struct Saved {
     pub structure: Structure,
     /// What was guessed when they were read, one line each.
     pub conventions: Vec<String>,
+    /// What the caller said in place of the file, one line each.
+    pub given: Vec<String>,
     /// What the user should know, one line each.
     pub warnings: Vec<String>,
     /// What was guessed by looking at all of them.
@@ -68,8 +71,14 @@ impl Saved {
         let structure = Structure::restore(facts, origin, places, &mut array)
             .map_err(|(name, what)| fault(path, format!("structure.{name}"), what))?;
         let (conventions, path) = (about.conventions, path.to_path_buf());
-        let warnings = Vec::new();
-        Ok(Self { particles, structure, conventions, warnings, guesses, kind, path, table, map })
+        let [given, warnings] = [(); 2].map(|()| Vec::new());
+        Ok(Self { particles, structure, conventions, given, warnings, guesses, kind, path, table, map })
+    }
+
+    /// The same with particles that are as `options` have them.
+    pub(crate) fn told(self, options: &Options) -> Result<Self> {
+        let Told { particles, given, warnings } = given::told(self.particles, options)?;
+        Ok(Self { particles, given, warnings: [self.warnings, warnings].concat(), ..self })
     }
 
     /// How the structure was built.
@@ -125,7 +134,7 @@ pub(crate) fn read(
     let particles = contents.particles(&about, &places)?;
     contents.check_values(&about, &places, &particles)?;
     progress.advance(bytes.len() as u64);
-    Ok(Frame { particles, conventions: about.conventions, warnings: Vec::new() })
+    Ok(Frame { particles, conventions: about.conventions, given: Vec::new(), warnings: Vec::new() })
 }
 
 /// An error about a section.

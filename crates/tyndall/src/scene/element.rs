@@ -181,7 +181,8 @@ pub struct Elements {
 
 impl Elements {
     /// Finds the attribute that tells the elements of most particles: symbols under a name that promises them, atomic numbers, a
-    /// `type` whose words are all symbols, or atom names of which nine in ten are understood. `None` if there is none.
+    /// `type` whose words are all symbols, or atom names of which nine in ten are understood; where none of these tells, the symbols of
+    /// some particles in `element`. `None` if there is none.
     pub fn find(particles: &Particles) -> Option<Self> {
         let by_names = |names: &[&str], parse: Option<&Parse>, least: f64| {
             names.iter().find_map(|name| {
@@ -196,6 +197,7 @@ impl Elements {
             .or_else(|| by_names(&NUMBER_NAMES, None, 0.5))
             .or_else(|| by_names(&["type", "types"], Some(&exact), 1.0))
             .or_else(|| by_names(&LABEL_NAMES, Some(&Element::from_atom_name), 0.9))
+            .or_else(|| by_names(&SYMBOL_NAMES[..1], Some(&Element::from_symbol), 0.0))
     }
 
     /// By words that `parse` understands, or without it by integers that are atomic numbers.

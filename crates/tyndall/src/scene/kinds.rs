@@ -133,10 +133,10 @@ pub(super) fn by_type(attribute: &Attribute, mapping: &Mapping) -> ParticleColor
 }
 
 /// The most kinds that are told.
-const MOST: usize = 1000;
+pub(super) const MOST: usize = 1000;
 
 /// The values of a discrete attribute that there are, in order; where there are very many, some of them.
-fn present(attribute: &Attribute) -> Vec<i64> {
+pub(super) fn present(attribute: &Attribute) -> Vec<i64> {
     let with = |mut found: Vec<i64>, value: i64| {
         if let Err(place) = found.binary_search(&value)
             && found.len() < MOST

@@ -33,6 +33,7 @@ pub mod sizes;
 mod spacing;
 mod statistics;
 pub mod subset;
+pub mod type_elements;
 pub mod units;
 pub mod viewpoint;
 pub mod wanted;

@@ -44,6 +44,12 @@ pub struct Offered<'a> {
 }
 
 impl Wanted {
+    /// The same with what tells the elements of types.
+    pub fn with_types(mut self) -> Self {
+        self.one_of.push(TYPE_NAMES.iter().chain(&["element"]).map(|it| it.to_string()).collect());
+        self
+    }
+
     /// Which of the attributes a picture looks at.
     pub fn flags(&self, offered: &[Offered]) -> Vec<bool> {
         let attribute = |it: &Offered| {
@@ -182,6 +188,16 @@ mod tests {
         assert_eq!(flagged(&wanted, &offered("id Mass q T u")), "Mass T");
         assert_eq!(flagged(&wanted, &offered("m q temp T h")), "m temp T h");
         assert_eq!(flagged(&wanted, &offered("id m q")), "id m q", "all, so that a message can list them");
+    }
+
+    #[test]
+    fn types_are_wanted_where_elements_go_by_them() {
+        let offered = |names: &'static str| -> Vec<Offered> {
+            names.split(' ').map(|name| Offered { name, components: 1, is_measured: false }).collect()
+        };
+        let wanted = Wanted { coloring: Coloring::Constant([0.0; 3]), ..Wanted::default() }.with_types();
+        assert_eq!(flagged(&wanted, &offered("id typeid q element")), "typeid element");
+        assert_eq!(flagged(&wanted, &offered("id q")), "id q", "all, so that a message can list them");
     }
 
     #[test]
