@@ -303,8 +303,10 @@ impl<'a> Annotator<'a> {
         }
         if let Some(Scalebar(wanted)) = &args.scalebar {
             let bar = ScaleBar::new(camera, frame, wanted.as_ref(), shown.length_unit)?;
-            let unit =
-                if shown.length_unit.is_none() { ", in the file's unit, which it does not say" } else { "" };
+            let unit = match shown.length_unit {
+                Some(_) => "",
+                None => ", in the file's unit, which it does not say (set --units Å)",
+            };
             described = Some(format!("{}{unit}", bar.description));
             add(What::ScaleBar(bar), args.scalebar_at);
         }

@@ -12,6 +12,7 @@ use tyndall::scene::center::Center;
 use tyndall::scene::select::{Clip, Filter};
 use tyndall::scene::sizes::Size as Radius;
 use tyndall::scene::type_elements::TypeElements;
+use tyndall::scene::units::Units;
 use tyndall::scene::viewpoint::Side;
 use tyndall_io::annotation::Frame;
 use tyndall_io::write::{ImageOptions, movie};
@@ -135,6 +136,10 @@ pub(crate) struct Input {
     /// that the file says; types that are not named keep these, or have none
     #[arg(long, value_name = "SYMBOLS")]
     pub(crate) elements: Option<TypeElements>,
+    /// Units of a file that does not say them: a unit of length (Å or A, nm, pm, um, mm, cm, m, km, Bohr, au, pc, kpc, Mpc, ckpc/h) or a style of LAMMPS (lj real metal si
+    /// cgs electron micro nano), which tells those of times and velocities, too. It counts before what the file says; numbers stay as they are
+    #[arg(long, value_name = "NAME")]
+    pub(crate) units: Option<Units>,
     /// Biological assembly to make of a PDB, mmCIF, BinaryCIF or MMTF file: its number, or all [default: the atoms of the file]
     #[arg(long, value_name = "NUMBER")]
     pub(crate) assembly: Option<String>,

@@ -51,7 +51,9 @@ pub(crate) fn run(args: &args::Info, report: &Report) -> Outcome<()> {
         }
         false => {
             let placed = placed.map_or(String::new(), |it| format!("positions {it}\n"));
-            report.out(&(text(&sequence, number, &frame, structure) + &placed))
+            let lacks_unit = frame.particles.length_unit().is_none() && args.input.units.is_none();
+            let note = if lacks_unit { "note: no length unit in the file (set --units Å)\n" } else { "" };
+            report.out(&(text(&sequence, number, &frame, structure) + note + &placed))
         }
     }
 }
@@ -101,9 +103,6 @@ fn text(sequence: &Sequence, number: usize, frame: &Frame, structure: Option<Str
     }
     lines.extend(frame.conventions.iter().map(|guess| format!("guessed: {guess}")));
     lines.extend(frame.given.iter().map(|text| format!("given: {text}")));
-    if particles.length_unit().is_none() {
-        lines.push("note: no length unit in the file".to_string());
-    }
     lines.join("\n") + "\n"
 }
 

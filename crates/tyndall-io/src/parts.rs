@@ -5,6 +5,7 @@ use std::path::Path;
 
 use tyndall::medium::density::Carrier;
 use tyndall::particles::Positions;
+use tyndall::scene::units::Units;
 use tyndall::scene::wanted::Wanted;
 use tyndall::synthetic::Synthetic;
 use tyndall::{DVec3, Error, Particles, Progress, Result, Source, Vec3};
@@ -20,6 +21,8 @@ pub struct Parts {
     origin: DVec3,
     /// What a picture looks at, if not all.
     wanted: Option<Wanted>,
+    /// What the units are, in place of what the source says.
+    units: Option<Units>,
 }
 
 enum Kind {
@@ -31,7 +34,7 @@ impl Parts {
     /// Of a procedural source. Fails if there is none of that specification.
     pub(crate) fn of_synthetic(specification: &str) -> Result<Self> {
         let kind = Kind::Synthetic(Synthetic::new(specification)?);
-        Ok(Self { kind, origin: DVec3::ZERO, wanted: None })
+        Ok(Self { kind, origin: DVec3::ZERO, wanted: None, units: None })
     }
 
     /// Of an NPY file that has a particle a row; `None` for any other. Of attributes those that are wanted are read.
@@ -40,7 +43,7 @@ impl Parts {
         // The middle of a sample is near the middle of all.
         let mut positions = Positions::new();
         positions.extend(&sample(rows.len(), 1 << 12).map(|id| rows.position(id)).collect::<Vec<_>>());
-        Ok(Some(Self { kind: Kind::Npy(rows), origin: positions.origin(), wanted }))
+        Ok(Some(Self { kind: Kind::Npy(rows), origin: positions.origin(), wanted, units: None }))
     }
 
     /// The point from which centers are measured.
@@ -55,12 +58,26 @@ impl Parts {
 
     /// Some of the particles, spread evenly over all.
     pub fn sample(&self, progress: &dyn Progress) -> Result<Particles> {
-        match &self.kind {
-            Kind::Synthetic(synthetic) => Ok(synthetic.sample(SAMPLE, progress)?.measured_from(self.origin)),
+        let particles = match &self.kind {
+            Kind::Synthetic(synthetic) => synthetic.sample(SAMPLE, progress)?,
             Kind::Npy(rows) => {
                 let step = rows.len().div_ceil(SAMPLE).max(1) as usize;
-                Ok(rows.every(step, self.wanted.as_ref())?.measured_from(self.origin))
+                rows.every(step, self.wanted.as_ref())?
             }
+        };
+        Ok(self.told(particles).measured_from(self.origin))
+    }
+
+    /// The same in these units.
+    pub(crate) fn in_units(self, units: Option<Units>) -> Self {
+        Self { units, ..self }
+    }
+
+    /// Particles of the source, in the units that are said.
+    fn told(&self, particles: Particles) -> Particles {
+        match &self.units {
+            Some(units) => units.name(particles).0,
+            None => particles,
         }
     }
 }
@@ -100,12 +117,12 @@ impl Carrier for Parts {
     fn part(&self, range: Range<u64>) -> Result<(Vec<Vec3>, Particles)> {
         let mut centers = Vec::new();
         self.read(range.clone(), &mut centers)?;
-        let particles = match &self.kind {
+        let particles = self.told(match &self.kind {
             Kind::Synthetic(synthetic) => synthetic.part(range.clone())?,
             Kind::Npy(rows) => {
                 rows.particles(range.clone(), self.wanted.as_ref())?.numbered_from(range.start)
             }
-        };
+        });
         let lost = particles.dropped().radius;
         if lost > 0 {
             let found = format!("negative or not finite for {lost} of the particles from {} on", range.start);
@@ -147,6 +164,13 @@ mod tests {
             assert!(center.z.is_nan());
         }
         assert_eq!(parts.sample(&()).unwrap().dropped().position, 1000, "none of them is finite");
+    }
+
+    #[test]
+    fn parts_are_in_the_units_that_are_said() {
+        let parts = Parts::of_synthetic("fluid?n=50").unwrap().in_units(Some("nm".parse().unwrap()));
+        let particles = [parts.sample(&()).unwrap(), parts.part(0..9).unwrap().1];
+        assert!(particles.iter().all(|it| it.length_unit() == Some("nm")));
     }
 
     #[test]

@@ -13,6 +13,7 @@ use std::path::{Path, PathBuf};
 
 use rayon::prelude::*;
 use tyndall::scene::type_elements::TypeElements;
+use tyndall::scene::units::Units;
 use tyndall::scene::wanted::Wanted;
 use tyndall::{Error, Particles, Progress, Result};
 
@@ -44,6 +45,8 @@ pub struct Options {
     pub dataset: Option<String>,
     /// Which element each type is, in place of what the file says of elements.
     pub elements: Option<TypeElements>,
+    /// The units of the file, in place of those that it says or that its format has.
+    pub units: Option<Units>,
     /// A folder in which indexes of the frames of long texts are kept, so that these are passed over once; none are kept if `None`.
     pub index_folder: Option<PathBuf>,
     /// What the attributes are for: others are left out, where the format lets a reader pass over them. All are read if `None`.
@@ -57,7 +60,7 @@ pub struct Frame {
     pub particles: Particles,
     /// What was guessed while reading, one line each.
     pub conventions: Vec<String>,
-    /// What the caller said in place of the file ([`Options::elements`]), one line each.
+    /// What the caller said in place of the file ([`Options::elements`], [`Options::units`]), one line each.
     pub given: Vec<String>,
     /// What the user should know, one line each. What concerns the whole file is said with each of its frames.
     pub warnings: Vec<String>,
@@ -199,13 +202,14 @@ impl Sequence {
             return Ok(None);
         }
         let (source, _) = self.place(frame);
-        match &self.sources[source] {
+        let parts = match &self.sources[source] {
             Source::Synthetic(spec) => Parts::of_synthetic(spec).map(Some),
             Source::File(file) if file.format.has(Feature::Parts) && file.packing == Packing::Plain => {
                 Parts::of_npy(&file.path, self.options.wanted.clone())
             }
             Source::File(_) | Source::Pieces(_) => Ok(None),
-        }
+        };
+        Ok(parts?.map(|parts| parts.in_units(self.options.units.clone())))
     }
 
     /// Frame `frame` with its structure, if it is that of a file which has one.

@@ -426,6 +426,17 @@ impl Particles {
         Self { positions, attributes, places: Some(places.into()), bonds, bounds: OnceLock::new(), ..self }
     }
 
+    /// The same particles, whose lengths and time are told in other units.
+    pub(crate) fn with_units(self, length_unit: Option<String>, time_unit: Option<String>) -> Self {
+        Self { length_unit, time_unit, ..self }
+    }
+
+    /// The same particles, of whose attributes other units are told.
+    pub(crate) fn with_attributes_told(mut self, tell: impl Fn(&mut [Attribute])) -> Self {
+        tell(&mut self.attributes);
+        self
+    }
+
     /// The same particles with radii `radii`, which may refer to their attributes.
     pub fn with_radii(self, radii: Radii) -> Self {
         Self { radii: Some(radii), ..self }

@@ -1,4 +1,4 @@
-//! What the command line says in place of a file: elements.
+//! What the command line says in place of a file: elements and units.
 
 use super::{Folder, dump, png};
 
@@ -100,4 +100,61 @@ fn elements_that_cannot_be_told_say_why() {
         folder.line(&format!("convert {words} -o a.xyz")).fails(2, &parts);
     }
     assert!(!folder.path("a.png").exists() && !folder.path("a.xyz").exists());
+}
+
+#[test]
+fn units_make_bars_radii_and_lengths_possible() {
+    let folder = Folder::new();
+    folder.file("a.dump", dump("id type element x y z vx", 8.0, &["1 1 Cu 2 2 2 0", "2 1 Cu 6 2 2 1"]));
+    let wide = "a.dump -o a.png --ortho auto --scalebar 0.4nm";
+    folder.render(wide).fails(2, &["--scalebar cannot be '0.4 nm'", "a number alone", "--units nm"]);
+    folder
+        .line("convert a.dump -o a.xyz --select x>0.4nm")
+        .fails(2, &["leave the unit out, or say it with --units"]);
+
+    let said = folder.render(&format!("{wide} --units A")).fine();
+    assert!(said.contains("lengths in Å") && said.contains("scale bar 0.4 nm"), "{said}");
+    assert!(said.contains("van der Waals × 1, in Å ·"), "{said}");
+    let said = folder.render("a.dump -o b.png --scalebar 2 --units nm").fine();
+    assert!(said.contains("× 1, in nm ·") && said.contains("scale bar 2 nm"), "{said}");
+    folder.line("convert a.dump -o a.csv --select x>0.4nm --units metal").fine();
+    assert_eq!(text(&folder, "a.csv"), "x [Å],y [Å],z [Å],id,type,element,vx [Å/ps]\n6,2,2,2,1,Cu,1\n");
+    let info = folder.line("info a.dump").out;
+    assert!(info.contains("note: no length unit in the file (set --units Å)"), "{info}");
+    let info = folder.line("info a.dump --units lj").out;
+    assert!(info.contains("given: units lj: numbers alone") && !info.contains("note:"), "{info}");
+
+    // The file's own unit gives way, in a line.
+    folder.file("a.xyz", "1\nTime=2.0\nCu 0 0 0\n");
+    let said = folder.render("a.xyz -o c.png --units nm").fine();
+    assert!(said.contains("lengths in nm, in place of Å as the file or its format says"), "{said}");
+    folder.render("a.xyz -o c.png --units metall").fails(2, &["--units", "did you mean metal?"]);
+    folder.line("build a.dump -o a.tyn --units metal").fine();
+    assert!(folder.line("info a.tyn").out.contains("Å pp pp pp"), "{}", folder.line("info a.tyn").out);
+    let info = folder.line("info a.tyn --units pm").out;
+    assert!(info.contains("8×8×8 pm") && info.contains("given: lengths in pm, in place of Å"), "{info}");
+
+    // Layers, scenes and pictures keep them.
+    folder
+        .run(&[
+            "render",
+            "a.dump",
+            "-o",
+            "d.png",
+            "--size",
+            "48x32",
+            "--samples",
+            "4",
+            "--units",
+            "real",
+            "--save-scene",
+            "s.toml",
+            "--layer",
+            "a.dump --units nm",
+        ])
+        .fine();
+    let scene = text(&folder, "s.toml");
+    assert!(scene.contains("[reading]\nunits = \"real\"") && scene.contains("units = \"nm\""), "{scene}");
+    let said = folder.line("render --again d.png -o e.png").fine();
+    assert!(said.contains("units real: lengths in Å") && said.contains("lengths in nm"), "{said}");
 }

@@ -93,7 +93,7 @@ impl ScaleBar {
                     (None, _) => 1.0,
                     (Some(own), Some(unit)) => ratio(own, unit).ok_or_else(|| refused(length, unit))?,
                     (Some(_), None) => {
-                        let allowed = "a number alone: the file does not say its unit of length";
+                        let allowed = "a number alone: the file does not say its unit of length, which --units nm would tell";
                         return Err(Error::setting("--scalebar", written(length), allowed));
                     }
                 };

@@ -7,6 +7,7 @@
 
 use std::path::{Path, PathBuf};
 
+use tyndall::scene::units::Style;
 use tyndall::{Cell, Columns, DVec3, Error, Particles, Progress, Result};
 
 use super::column::{Kind, Separator};
@@ -250,16 +251,14 @@ impl Pieces {
         let Self { header, names, axes, scaled, layout, builder, .. } = self;
         let rows = builder.finish(&layout);
         let (cell, units) = (header.cell, header.units.as_deref().or(request.units));
-        let columns = Columns {
+        let mut columns = Columns {
             positions: rows.positions,
             attributes: rows.attributes,
-            radii: None,
             cell,
             time: header.time.or(header.step),
-            time_unit: time_unit(header.time.is_some(), units),
-            length_unit: units.and_then(length_unit).map(str::to_string),
-            bonds: Vec::new(),
+            ..Columns::default()
         };
+        tell_units(&mut columns, header.time.is_some(), units);
         let mut conventions = conventions(&names, axes, cell.as_ref(), scaled);
         if cell.is_some() && !header.periodicity {
             conventions.push("the box does not say whether it repeats: taken as not periodic".to_string());
@@ -396,31 +395,12 @@ fn axes_names(names: &[String], axes: Axes) -> String {
     axes.iter().flatten().map(|&axis| names[axis].as_str()).collect::<Vec<_>>().join(" ")
 }
 
-/// The unit of length of a LAMMPS unit system; `lj` has none.
-pub(super) fn length_unit(units: &str) -> Option<&'static str> {
-    match units {
-        "real" | "metal" => Some("Å"),
-        "si" => Some("m"),
-        "cgs" => Some("cm"),
-        "electron" => Some("Bohr"),
-        "micro" => Some("µm"),
-        "nano" => Some("nm"),
-        _ => None,
-    }
-}
-
-/// The unit of a time in a LAMMPS unit system, or `step`, where the dump has no time but the number of a step; `lj` has none.
-pub(super) fn time_unit(is_time: bool, units: Option<&str>) -> Option<String> {
-    let unit = match units {
-        _ if !is_time => "step",
-        Some("real" | "electron") => "fs",
-        Some("metal") => "ps",
-        Some("si" | "cgs") => "s",
-        Some("micro") => "µs",
-        Some("nano") => "ns",
-        _ => return None,
-    };
-    Some(unit.to_string())
+/// Tells the units of a unit system: of lengths, velocities, and the time, which may be the number of a step.
+pub(super) fn tell_units(columns: &mut Columns, is_time: bool, units: Option<&str>) {
+    let style = units.and_then(Style::find);
+    columns.length_unit = style.and_then(Style::length).map(str::to_string);
+    columns.time_unit = if is_time { style.and_then(Style::time) } else { Some("step") }.map(str::to_string);
+    style.into_iter().for_each(|it| it.tell_velocities(&mut columns.attributes));
 }
 
 /// The warning if coordinates that are said to be real fill 0..1 in a cell that is far from unit size.

@@ -338,8 +338,7 @@ pub(crate) fn frame(
     columns.cell = Some(header.cell);
     columns.time = header.time.or(Some(header.step as f64));
     let units = header.units.as_deref().or(request.units);
-    columns.time_unit = lammps::time_unit(header.time.is_some(), units);
-    columns.length_unit = units.and_then(lammps::length_unit).map(str::to_string);
+    lammps::tell_units(&mut columns, header.time.is_some(), units);
     let conventions = lammps::conventions(names, axes, Some(&header.cell), scaled);
     let mut frame = records::frame(columns, conventions, vec![])?;
     frame.warnings.extend(lammps::looks_scaled(&frame.particles, names, axes).filter(|_| !scaled));

@@ -251,7 +251,9 @@ pub(crate) fn frame(feed: &mut Feed, request: &Request, progress: &dyn Progress)
     if let Some(velocities) = velocities {
         join(&mut attributes, velocities.attributes).map_err(|what| feed.fault(what, HINT))?;
     }
-    types.tell(&mut attributes, &mut conventions, header.title_value("units"));
+    let said = request.options.units.as_ref().and_then(|units| Some(units.style()?.name));
+    let units = said.or(header.title_value("units"));
+    types.tell(&mut attributes, &mut conventions, units);
     if names.iter().any(|it| it == "ix") {
         conventions.push("image flags ix iy iz: kept as attributes, not applied".to_string());
     }
@@ -273,16 +275,15 @@ pub(crate) fn frame(feed: &mut Feed, request: &Request, progress: &dyn Progress)
     if !left_out.is_empty() {
         conventions.push(format!("left out: {}", left_out.join(", ")));
     }
-    let columns = Columns {
+    let mut columns = Columns {
         positions: atoms.positions,
         attributes,
-        radii: None,
         cell: Some(header.cell),
         time: header.title_value("timestep").and_then(|it| it.parse().ok()),
-        time_unit: Some("step".to_string()),
-        length_unit: header.title_value("units").and_then(lammps::length_unit).map(str::to_string),
         bonds,
+        ..Columns::default()
     };
+    lammps::tell_units(&mut columns, false, header.title_value("units"));
     finish(columns, conventions, warnings)
 }
 
@@ -532,6 +533,14 @@ mod tests {
         let lj = "t\n1 atoms\n1 atom types\n\nMasses\n\n1 1.0\n\nAtoms\n\n1 1 0.5 0 0\n";
         let lj = read(lj).unwrap().particles;
         assert!(lj.attribute("element").is_none() && lj.cell().unwrap().origin == DVec3::splat(-0.5));
+        // Masses are those of elements unless somebody says that units are reduced.
+        let has_element = |units: &str| {
+            let options = Options { units: units.parse().ok(), ..Options::default() };
+            let frames =
+                real_data::frames(&real_data::recognised(text.as_bytes()).open, text.as_bytes(), &options);
+            frames.unwrap()[0].particles.attribute("element").is_some()
+        };
+        assert!(has_element("metal") && has_element("") && !has_element("lj"));
     }
 
     #[test]

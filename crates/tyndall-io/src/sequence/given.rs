@@ -21,6 +21,11 @@ pub(crate) fn told(mut particles: Particles, options: &Options) -> Result<Told> 
         given.push(named.description);
         warnings.extend(named.warning);
     }
+    if let Some(units) = &options.units {
+        let (in_units, text) = units.name(particles);
+        particles = in_units;
+        given.push(text);
+    }
     Ok(Told { particles, given, warnings })
 }
 

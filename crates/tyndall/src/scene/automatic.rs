@@ -5,6 +5,7 @@
 use super::element::{Element, Elements};
 use super::spacing::{QUERIES, median_spacing};
 use super::statistics::{grouped, quantiles, sampled_ids, short};
+use super::units;
 use crate::math::Bounds;
 use crate::particles::{Attribute, Cell, Particles, Radii};
 use crate::structure::Spheres;
@@ -95,14 +96,8 @@ fn by_element(particles: &Particles, elements: &Elements, spacing: Option<f64>) 
 
 /// What an Å is in the unit of the positions, and how that was found; `spacing` is the usual distance of neighbors.
 pub(super) fn per_angstrom(particles: &Particles, spacing: Option<f64>) -> (f32, &'static str) {
-    match particles.length_unit().map(str::to_ascii_lowercase).as_deref() {
-        Some("nm" | "nanometer" | "nanometre") => (0.1, "nm"),
-        Some("bohr" | "a0") => (1.0 / 0.529_177_2, "bohr"),
-        Some("pm") => (100.0, "pm"),
-        Some("um" | "µm" | "micron") => (1e-4, "µm"),
-        Some("cm") => (1e-8, "cm"),
-        Some("m") => (1e-10, "m"),
-        Some("Å" | "a" | "angstrom" | "angstroms") => (1.0, "Å"),
+    match particles.length_unit().and_then(units::known) {
+        Some((unit, meters)) => ((1e-10 / meters) as f32, unit),
         _ if spacing.is_some_and(|spacing| spacing < LEAST_SPACING) => {
             (0.1, "nm, as the atoms are so near each other")
         }

@@ -67,6 +67,17 @@ fn dump(columns: &str, rows: &[&str]) -> String {
 }
 
 #[test]
+fn the_unit_system_is_that_of_velocities_too() {
+    let rows = dump("x y z vx q", &["1 2 3 4 5"]);
+    let units = |text: &str| {
+        let attributes = read(text).unwrap()[0].particles.attributes().to_vec();
+        attributes.into_iter().map(|it| it.unit.unwrap_or_default()).collect::<Vec<_>>()
+    };
+    assert_eq!(units(&format!("ITEM: UNITS\nreal\n{rows}")), ["Å/fs", ""]);
+    assert_eq!(units(&rows), ["", ""]);
+}
+
+#[test]
 fn real_coordinates_come_before_unwrapped_and_scaled_ones() {
     let frame = &read(&dump("xs ys zs xu yu zu x y z", &["0.1 0.1 0.1 11 1 1 1 2 3"])).unwrap()[0];
     assert_eq!(frame.particles.positions().world(0), DVec3::new(1.0, 2.0, 3.0));

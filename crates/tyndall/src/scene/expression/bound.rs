@@ -146,8 +146,10 @@ impl<'a> Binder<'a> {
 
     /// How many meters the file's unit has.
     fn file_meters(&self) -> Result<f64, String> {
-        let unit =
-            self.0.length_unit().ok_or("the file does not say its unit of length: leave the unit out")?;
+        let unit = self
+            .0
+            .length_unit()
+            .ok_or("the file does not say its unit of length: leave the unit out, or say it with --units")?;
         meters(unit)
             .ok_or_else(|| format!("the file's unit of length, {unit}, is not known: leave the unit out"))
     }
