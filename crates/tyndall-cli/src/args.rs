@@ -140,6 +140,10 @@ pub(crate) struct Input {
     /// cgs electron micro nano), which tells those of times and velocities, too. It counts before what the file says; numbers stay as they are
     #[arg(long, value_name = "NAME")]
     pub(crate) units: Option<Units>,
+    /// GROMACS index file for a trajectory that holds some of the particles of the file with names before it: conf.gro traj.xtc --index protein.ndx, or protein.ndx:GROUP for the
+    /// group of that name or number from 0 [default: the only group, else the one that has as many]
+    #[arg(long, value_name = "FILE")]
+    pub(crate) index: Option<PathBuf>,
     /// Biological assembly to make of a PDB, mmCIF, BinaryCIF or MMTF file: its number, or all [default: the atoms of the file]
     #[arg(long, value_name = "NUMBER")]
     pub(crate) assembly: Option<String>,

@@ -30,6 +30,7 @@ pub(crate) fn open(input: &Input, wanted: Option<Wanted>, report: &Report) -> Ou
         types: input.types.clone(),
         dataset: input.dataset.clone(),
         elements: input.elements.clone(),
+        index: input.index.clone(),
         units: input.units.clone(),
         index_folder: if input.no_index { None } else { cache_folder().map(|it| it.join("frames")) },
         // Molecules and image flags have names that pictures do not look at.

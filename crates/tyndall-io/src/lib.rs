@@ -7,6 +7,7 @@
 
 pub mod annotation;
 mod frame_index;
+mod groups;
 pub mod parts;
 pub mod read;
 pub mod saved;

@@ -17,6 +17,7 @@ use tyndall::scene::units::Units;
 use tyndall::scene::wanted::Wanted;
 use tyndall::{Error, Particles, Progress, Result};
 
+use crate::groups::{self, Groups};
 use crate::parts::Parts;
 use crate::read::{Feature, Open, Packing};
 use crate::saved::Saved;
@@ -47,6 +48,9 @@ pub struct Options {
     pub elements: Option<TypeElements>,
     /// The units of the file, in place of those that it says or that its format has.
     pub units: Option<Units>,
+    /// An index file of GROMACS, `FILE` or `FILE:GROUP`, for trajectories that hold a group of the particles of a file with names: the group of that name or
+    /// number; else the only one, or that which has as many.
+    pub index: Option<PathBuf>,
     /// A folder in which indexes of the frames of long texts are kept, so that these are passed over once; none are kept if `None`.
     pub index_folder: Option<PathBuf>,
     /// What the attributes are for: others are left out, where the format lets a reader pass over them. All are read if `None`.
@@ -93,7 +97,7 @@ impl Sequence {
     /// Opens files, in the given order, as one sequence. A path that begins with `synthetic:` names a procedural source.
     ///
     /// Where all files but the first have coordinates only (XTC, TRR, DCD, AMBER NetCDF), and the first has names, it is no frame: its
-    /// attributes are given to the frames of the others, which must have as many particles.
+    /// attributes are given to the frames of the others, which must have as many particles, or as many as a group of them ([`Options::index`]).
     ///
     /// A name that is no file, with a `%` that is not one of `%d` or `%04d`, stands for the pieces 0, 1, … of frames that LAMMPS wrote with
     /// several processors (`dump.%.lammpstrj`): they are put together frame by frame. A piece that is missing between others, or is of another
@@ -140,9 +144,22 @@ impl Sequence {
             && others.iter().all(|it| it.has(Feature::CoordinatesOnly))
         {
             let frame = names.frame(0, options, None, progress)?;
-            topology = Some(Topology::new(path, &frame.particles)?);
+            let all = Topology::new(path, &frame.particles)?;
+            let count = || {
+                let particles = others[0].frame(0, options, None, progress)?.particles;
+                Ok(particles.len() + particles.dropped().total() as usize)
+            };
+            topology = Some(match &options.index {
+                Some(named) => all.of_group(Groups::open(named)?, count)?,
+                None => all,
+            });
             format = format!("{}, names from {format}", others[0].title());
             sources.remove(0);
+        }
+        if let Some(named) = options.index.as_ref().filter(|_| topology.is_none()) {
+            let allowed = "left out: it is for a file with names before a trajectory of some of its particles, in this order: conf.gro traj.xtc — \
+                           --select shows some of the particles of any file";
+            return Err(Error::setting(groups::SETTING, named.display(), allowed));
         }
         let mut first = Vec::with_capacity(sources.len());
         let mut frame_count = 0;

@@ -1,4 +1,6 @@
-//! What the command line says in place of a file: elements and units.
+//! What the command line says in place of a file: elements, units, and which atoms a trajectory has.
+
+use std::fmt::Write as _;
 
 use super::{Folder, dump, png};
 
@@ -157,4 +159,97 @@ fn units_make_bars_radii_and_lengths_possible() {
     assert!(scene.contains("[reading]\nunits = \"real\"") && scene.contains("units = \"nm\""), "{scene}");
     let said = folder.line("render --again d.png -o e.png").fine();
     assert!(said.contains("units real: lengths in Å") && said.contains("lengths in nm"), "{said}");
+}
+
+/// Three molecules of water in a GRO file.
+fn water() -> String {
+    let mut text = "Water\n    9\n".to_string();
+    for atom in 0..9 {
+        let (molecule, name) = (atom / 3, ["OW", "HW1", "HW2"][atom % 3]);
+        let x = molecule as f64 + 0.1 * (atom % 3) as f64;
+        writeln!(text, "{:5}SOL  {name:>5}{:5}{x:8.3}{:8.3}{:8.3}", molecule + 1, atom + 1, 1.0, 1.0)
+            .unwrap();
+    }
+    text + "3.0 3.0 3.0\n"
+}
+
+/// A TRR file of one frame with so many atoms on a line along x.
+fn trr(count: i32) -> Vec<u8> {
+    let mut file = Vec::new();
+    let whole = |file: &mut Vec<u8>, number: i32| file.extend(number.to_be_bytes());
+    [1993, 13, 12].iter().for_each(|&number| whole(&mut file, number));
+    file.extend(b"GMX_trn_file");
+    // Sizes of blocks: box, positions, and others that are not there; then atoms, step and a number; time and lambda.
+    let sizes = [0, 0, 36, 0, 0, 0, 0, 12 * count, 0, 0, count, 0, 0];
+    sizes.iter().for_each(|&number| whole(&mut file, number));
+    let numbers = [0.0f32; 2].into_iter().chain([3.0, 0.0, 0.0, 0.0, 3.0, 0.0, 0.0, 0.0, 3.0]);
+    let places = (0..count).flat_map(|atom| [0.25 * atom as f32, 1.0, 1.0]);
+    file.extend(numbers.chain(places).flat_map(f32::to_be_bytes));
+    file
+}
+
+#[test]
+fn a_trajectory_of_some_atoms_has_their_names_by_an_index_file() {
+    let folder = Folder::new();
+    folder.file("conf.gro", water());
+    folder.file("traj.trr", trr(3));
+    folder
+        .file("index.ndx", "[ System ]\n1 2 3 4 5 6 7 8 9\n[ Oxygen ]\n1 4\n7\n[ Hydrogen ]\n2 3 5\n6 8 9\n");
+    folder.line("convert conf.gro traj.trr -o a.xyz").fails(
+        3,
+        &[
+            "conf.gro has 9 particles, traj.trr frame 0 has 3",
+            "the trajectory may hold a subset: pass --index FILE.ndx",
+        ],
+    );
+    folder.line("convert conf.gro traj.trr -o a.csv --index index.ndx --fields resid,name,id").fine();
+    let rows = "x [nm],y [nm],z [nm],resid,name,id\n0,1,1,1,OW,1\n0.25,1,1,2,OW,4\n0.5,1,1,3,OW,7\n";
+    assert_eq!(text(&folder, "a.csv"), rows);
+    let info = folder.line("info conf.gro traj.trr --index index.ndx:1").out;
+    assert!(
+        info.contains("guessed: from conf.gro, group Oxygen of index.ndx: resid resname name id"),
+        "{info}"
+    );
+    let said = folder.render("conf.gro traj.trr -o a.png --index index.ndx:Oxygen --color element").fine();
+    assert!(said.contains("group Oxygen of index.ndx") && said.contains("color elements of name"), "{said}");
+
+    // Scenes have the file beside them; a layer has one of its own.
+    std::fs::create_dir(folder.path("in")).unwrap();
+    folder
+        .render("conf.gro traj.trr -o b.png --index index.ndx:Oxygen --color element --save-scene in/s.toml")
+        .fine();
+    assert!(text(&folder, "in/s.toml").contains("/index.ndx:Oxygen\"\n"), "{}", text(&folder, "in/s.toml"));
+    folder.line("render in/s.toml -o c.png").fine();
+    folder.line("render --again a.png -o d.png").fine();
+    let pixels = |name: &str| png(&folder.path(name)).0;
+    assert!(["b.png", "c.png", "d.png"].iter().all(|name| pixels(name) == pixels("a.png")));
+    let layer = "conf.gro traj.trr --index index.ndx:1";
+    let said = folder
+        .run(&["render", "conf.gro", "-o", "e.png", "--size", "48x32", "--samples", "4", "--layer", layer])
+        .fine();
+    assert!(said.contains("group Oxygen"), "{said}");
+
+    folder.file("other.ndx", "[ Far ]\n1 2 12\n[ Twice ]\n1 2 1\n[ Two ]\n1 2\n");
+    folder.file("bad.ndx", "[ A ]\n1 x\n");
+    for (words, code, parts) in [
+        (
+            "conf.gro traj.trr --index index.ndx:Hydrogen",
+            3,
+            ["group Hydrogen of index.ndx has 6 particles", "index.ndx:GROUP"],
+        ),
+        ("conf.gro traj.trr --index index.ndx:Protein", 2, ["--index cannot be 'Protein'", "1 Oxygen (3)"]),
+        ("conf.gro traj.trr --index other.ndx", 2, ["several have 3 atoms", "0 Far (3), 1 Twice (3)"]),
+        (
+            "conf.gro traj.trr --index other.ndx:Far",
+            3,
+            ["atom 12 is not there: conf.gro has 9", "other.ndx: group Far"],
+        ),
+        ("conf.gro traj.trr --index other.ndx:Twice", 3, ["atom 1 stands twice", "group Twice"]),
+        ("conf.gro traj.trr --index bad.ndx", 3, ["found 'x'", "bad.ndx: line 2"]),
+        ("conf.gro traj.trr --index none.ndx:A", 3, ["none.ndx", "No such file"]),
+        ("traj.trr conf.gro --index index.ndx", 2, ["--index cannot be", "in this order: conf.gro traj.xtc"]),
+        ("conf.gro --index index.ndx:Oxygen", 2, ["--index cannot be", "--select"]),
+    ] {
+        folder.line(&format!("info {words}")).fails(code, &parts);
+    }
 }

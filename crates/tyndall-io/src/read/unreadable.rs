@@ -158,6 +158,11 @@ const LIKELY: &[Known] = &[
         is: is_amber_restart,
         way_out: "convert it: cpptraj -p TOPOLOGY -y IN -x OUT.nc",
     },
+    Known {
+        name: "GROMACS index (.ndx)",
+        is: is_index,
+        way_out: "it says which atoms of a file with names a trajectory has: conf.gro traj.xtc --index FILE",
+    },
 ];
 
 /// The error about `path`, if its first bytes are those of a known format.
@@ -244,6 +249,14 @@ fn is_amber_restart(head: &[u8]) -> bool {
     is_count && first.is_some_and(is_wide)
 }
 
+/// Whether a name in brackets stands before lines of whole numbers.
+fn is_index(head: &[u8]) -> bool {
+    let mut own = lines(head).map(<[u8]>::trim_ascii).filter(|it| !it.is_empty() && it[0] != b';');
+    let is_name = own.next().is_some_and(|it| it.starts_with(b"[") && it.ends_with(b"]"));
+    let atoms = own.next().map(numbers).unwrap_or_default();
+    is_name && !atoms.is_empty() && atoms.iter().all(|it| *it >= 1.0 && it.fract() == 0.0)
+}
+
 fn is_houdini_json(head: &[u8]) -> bool {
     head.starts_with(b"\x7fNSJb") || (head.starts_with(b"[") && head_has(head, b"\"fileversion\""))
 }
@@ -263,7 +276,7 @@ mod tests {
         let bi4 = [&b"#File JPartDataBi4"[..], &[b' '; 40], b"\n\0\x01\0\0\0"].concat();
         let mut tar = vec![0; 512];
         tar[257..262].copy_from_slice(b"ustar");
-        let cases: [(&[u8], &str); 29] = [
+        let cases: [(&[u8], &str); 30] = [
             (b"glTF\x02\0\0\0", "glTF"),
             (b"SIMPLE  =                    T / conforms to FITS standard", "FITS"),
             (b"<?xml version=\"1.0\"?>\n<VOTABLE version=\"1.4\">\n<RESOURCE/></VOTABLE>\n", "VOTable"),
@@ -276,6 +289,7 @@ mod tests {
             (b"* TITLE\n*\n         2  EXT\n         1         1  MET       N\n", "CHARMM"),
             (b"name\n    1\n  24.9630000  -4.5000000   3.0600000\n", "cpptraj"),
             (b"name\n    2  0.1E+01\n  24.9630000  -4.5000000   3.0600000  24.0110000  -3.4000000   3.1600000\n", "AMBER"),
+            (b"; made by gmx\n[ System ]\n   1    2    3\n", "--index FILE"),
             (&bi4, "DualSPHysics .bi4"),
             (&tar, "tar"),
             (b"- of UlmASE-Trajectory", "ASE"),
@@ -316,6 +330,7 @@ mod tests {
             b"",
             b"\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0",
             b"* 1 2\n* 3 4\n",
+            b"[ moleculetype ]\nProtein 3\n",
             b"a\n3\n1 2 3\n4 5 6\n",
             b"a\nb\n1 2 3 4\n1 2 3 4\n1 2 3\n1 2 3 4\n\n\n\n",
         ];

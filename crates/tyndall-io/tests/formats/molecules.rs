@@ -6,7 +6,7 @@ use serde_json::Value;
 use tyndall::particles::Values;
 use tyndall::{Cell, DVec3, Particles};
 
-use tyndall_io::{Options, Sequence};
+use tyndall_io::{Frame, Options, Sequence};
 
 use super::{Folder, check_frame, check_shared, check_truncated, fixture, frame, open, shared, vector};
 
@@ -251,6 +251,35 @@ fn a_file_with_names_gives_them_to_files_of_coordinates() {
     ] {
         assert_eq!(Sequence::open(&paths, &Options::default(), &()).unwrap().len(), count, "{paths:?}");
     }
+}
+
+#[test]
+fn a_group_of_an_index_file_has_its_names_and_the_bonds_within_it() {
+    let folder = Folder::new("groups");
+    let atom = |k: usize| {
+        format!("HETATM{k:5}  C{k}  ABC A   1    {:8.3}   0.000   0.000  1.00  0.00           C\n", k as f64)
+    };
+    let atoms: String = (1..=4).map(atom).collect();
+    let bonds = "CONECT    1    2\nCONECT    2    3\nCONECT    3    4\n";
+    let names = folder.file("topol.pdb", format!("{atoms}{bonds}END\n").as_bytes());
+    let index = folder.file("index.ndx", b"[ All ]\n1 2 3 4\n[ End ]\n4 3 1\n[ Pair ]\n1 4\n");
+    let traj = folder.file("traj.dcd", &dcd(3, 2));
+    let options =
+        |index: &std::path::Path| Options { index: Some(index.to_path_buf()), ..Options::default() };
+    let sequence = Sequence::open(&[names.clone(), traj.clone()], &options(&index), &()).unwrap();
+    for k in 0..2 {
+        let Frame { particles, conventions, .. } = frame(&sequence, k);
+        let found: Vec<String> = (0..3).map(|id| word(&particles, "name", id)).collect();
+        assert_eq!((found, particles.bonds()), (vec!["C4".into(), "C3".into(), "C1".into()], &[[0, 1]][..]));
+        assert_eq!(particles.positions().world(1).x, (100 * k + 1) as f64);
+        assert!(conventions.iter().any(|it| it.contains("group End of index.ndx")), "{conventions:?}");
+    }
+    let pair = index.with_file_name("index.ndx:Pair");
+    let sequence = Sequence::open(&[names.clone(), traj], &options(&pair), &()).unwrap();
+    let message = sequence.frame(0, &()).unwrap_err().to_string();
+    assert!(message.contains("group Pair of index.ndx has 2 particles, traj.dcd frame 0 has 3"), "{message}");
+    let message = Sequence::open(&[names], &options(&index), &()).err().unwrap().to_string();
+    assert!(message.contains("--index cannot be"), "{message}");
 }
 
 #[test]

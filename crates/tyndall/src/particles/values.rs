@@ -1,5 +1,7 @@
 //! What is known of every particle besides its place: named columns of numbers or words.
 
+use std::collections::HashMap;
+
 use crate::frozen::Frozen;
 
 /// The values of an attribute, particle by particle; the components of one particle stand side by side. [`Values::view`] shows them
@@ -197,9 +199,57 @@ impl Attribute {
         Self { name: name.into(), components, unit: None, values }
     }
 
+    /// The values of the particles `ids`, in this order, of words those that they have. Panics if there is no such particle.
+    pub fn of(&self, ids: &[u32]) -> Self {
+        fn picked<T: Copy>(column: &[T], components: usize, ids: &[u32]) -> Vec<T> {
+            let row = |&id: &u32| &column[components * id as usize..][..components];
+            ids.iter().flat_map(row).copied().collect()
+        }
+        let values = match self.values.view() {
+            View::F32(column) => Values::F32(picked(column, self.components, ids)),
+            View::F64(column) => Values::F64(picked(column, self.components, ids)),
+            View::I32(column) => Values::I32(picked(column, self.components, ids)),
+            View::I64(column) => Values::I64(picked(column, self.components, ids)),
+            View::U8(column) => Values::U8(picked(column, self.components, ids)),
+            View::Text { codes, names } => {
+                let (mut places, mut kept) = (HashMap::new(), Vec::new());
+                let mut place = |code: u32| {
+                    *places.entry(code).or_insert_with(|| {
+                        kept.push(names.get(code as usize).cloned().unwrap_or_default());
+                        kept.len() as u32 - 1
+                    })
+                };
+                let codes = picked(codes, self.components, ids).into_iter().map(&mut place).collect();
+                Values::Text { codes, names: kept }
+            }
+        };
+        Self { name: self.name.clone(), unit: self.unit.clone(), values, ..*self }
+    }
+
     /// Component `component` of particle `id`.
     #[inline(always)]
     pub fn number(&self, id: usize, component: usize) -> f64 {
         self.values.number(id * self.components + component)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn values_of_some_particles_are_in_their_order_with_their_words() {
+        let vector =
+            Attribute { unit: Some("m".into()), ..Attribute::new("v", 2, Values::I32((0..8).collect())) };
+        let picked = vector.of(&[3, 0]);
+        assert_eq!(
+            (picked.values, picked.unit.as_deref(), picked.components),
+            (Values::I32(vec![6, 7, 0, 1]), Some("m"), 2)
+        );
+        let names = ["O", "H", "M"].map(String::from).to_vec();
+        let words = Attribute::new("name", 1, Values::Text { codes: vec![0, 1, 2, 1], names });
+        let names = ["M", "O"].map(String::from).to_vec();
+        assert_eq!(words.of(&[2, 0, 2]).values, Values::Text { codes: vec![0, 1, 0], names });
+        assert!(words.of(&[]).values.is_empty());
     }
 }
