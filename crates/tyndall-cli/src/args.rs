@@ -7,7 +7,6 @@ use std::time::Duration;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use glam::DVec3;
 use tyndall::film::Window;
-use tyndall::scene::camera_path::Key;
 use tyndall::scene::center::Center;
 use tyndall::scene::select::{Clip, Filter};
 use tyndall::scene::sizes::Size as Radius;
@@ -19,6 +18,7 @@ use tyndall_io::write::{ImageOptions, movie};
 
 use crate::annotate::Annotate;
 use crate::bench_culling::CullingBench;
+use crate::camera::CameraSpec;
 use crate::culling::CullingArgs;
 use crate::cut::Cut;
 use crate::device::Choice;
@@ -384,7 +384,7 @@ pub(crate) struct Frames {
     #[arg(long, value_name = "NAME", default_value = "auto")]
     pub(crate) encoder: EncoderName,
     /// Turns the camera by so many degrees over the pictures
-    #[arg(long, value_name = "DEGREES", allow_hyphen_values = true, conflicts_with = "keys")]
+    #[arg(long, value_name = "DEGREES", allow_hyphen_values = true, conflicts_with = "cameras")]
     pub(crate) orbit: Option<Degrees>,
     /// How many pictures an orbit around a single frame has, or a camera's way through it
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
@@ -420,9 +420,11 @@ pub(crate) struct CameraArgs {
     #[arg(long, value_name = "AXIS", allow_hyphen_values = true, value_parser = direction)]
     pub(crate) up: Option<DVec3>,
     /// A camera: 'at=48 eye=1,2,3 look-at=0,0,0 up=0,0,1 fov=30' or 'ortho=10' for fov, 'move=straight' for a straight way to the next; what is left out
-    /// is as without. May be repeated: with at=PICTURE the camera moves from one to the next, without each is a picture of its own
-    #[arg(long = "camera", value_name = "KEY", allow_hyphen_values = true)]
-    pub(crate) keys: Vec<Key>,
+    /// is as without. May be repeated: with at=PICTURE the camera moves from one to the next, without each is a picture of its own. Or the camera of a USD stage in text
+    /// form, shot.usda:/world/cam, or shot.usda if it has only one, in the particles' coordinates: at the time code that is the number in a file's name, else the
+    /// frame's, counted from startTimeCode. Its horizontal aperture is the picture's width; clippingRange is not used, nor fStop but where a look is traced
+    #[arg(long = "camera", value_name = "KEY|STAGE", allow_hyphen_values = true)]
+    pub(crate) cameras: Vec<CameraSpec>,
     /// Vertical angle of view, in degrees [default: 35]
     #[arg(long, value_name = "DEGREES", conflicts_with = "ortho", allow_hyphen_values = true)]
     pub(crate) fov: Option<Degrees>,

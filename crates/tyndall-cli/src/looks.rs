@@ -11,7 +11,7 @@ use tyndall::scene::short;
 use tyndall::scene::sizes::Size;
 use tyndall::{Error, Result};
 
-use crate::args;
+use crate::args::{self, Mode};
 use crate::lights;
 use crate::medium::args::MethodName;
 use crate::report::counted;
@@ -204,10 +204,21 @@ pub(crate) fn look(name: LightLook) -> Option<looks::Look> {
     })
 }
 
-/// What is said beside its name, for a camera; `lights` are in place of its own.
-pub(crate) fn adjustments(args: &args::Render, camera: &Camera, lights: Option<Lights>) -> Adjustments {
+/// Whether the lens that the camera of a stage has is that of the picture: where light is traced by paths, and no flag says otherwise.
+pub(crate) fn has_lens_of_stage(args: &args::Render) -> bool {
+    let is_of_spheres = args.method.mode == Mode::Spheres && traced_by(args).is_some();
+    is_of_spheres && args.look.aperture.is_none() && args.illustrate.name().is_none()
+}
+
+/// What is said beside its name, for a camera, whose lens may be that of a stage; `lights` are in place of its own.
+pub(crate) fn adjustments(
+    args: &args::Render,
+    (camera, lens): (&Camera, Option<f64>),
+    lights: Option<Lights>,
+) -> Adjustments {
     let forward = (camera.look_at - camera.eye).normalize_or_zero();
-    let lens = args.look.aperture.map(|radius| {
+    let lens = lens.filter(|_| has_lens_of_stage(args)).map(|radius| radius as f32);
+    let lens = args.look.aperture.or(lens).map(|radius| {
         let point = match args.look.focus {
             None => camera.look_at,
             Some(Focus::Distance(distance)) => camera.eye + distance * forward,

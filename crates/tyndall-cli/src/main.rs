@@ -13,6 +13,7 @@ mod bench_density;
 mod bench_gpu;
 mod bench_medium;
 mod build;
+mod camera;
 mod convert;
 mod culling;
 mod cut;

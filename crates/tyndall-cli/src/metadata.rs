@@ -51,8 +51,10 @@ pub(crate) fn software() -> String {
 }
 
 fn common(args: &Render, paths: &[&Path], settings: &Settings, guesses: &[String]) -> Vec<(String, String)> {
-    // Other layers read others.
-    let others = args.origin.files.iter().map(PathBuf::as_path).filter(|path| !paths.contains(path));
+    // Other layers read others, and so does a camera.
+    let stage = args.camera.stage().ok().flatten().map(|stage| &stage.file);
+    let others =
+        args.origin.files.iter().chain(stage).map(PathBuf::as_path).filter(|path| !paths.contains(path));
     let inputs: Vec<String> = paths.iter().copied().chain(others).map(input).collect();
     let Settings { width, height, samples, seed, culling } = settings;
     let culling = culling::description(culling);

@@ -9,6 +9,7 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 use tyndall::{Error, Result};
+use tyndall_io::read::TimeCode;
 use tyndall_io::sequence::is_in_pieces;
 
 use crate::args::Input;
@@ -142,6 +143,14 @@ impl Numbers {
     /// The number of a frame, which is counted from 0.
     pub(crate) fn number(&self, frame: usize) -> usize {
         self.of_files.as_ref().map_or(frame, |numbers| numbers[frame])
+    }
+
+    /// The time of a frame on a stage's clock: the number of its file, else counted from the start.
+    pub(crate) fn time_code(&self, frame: usize) -> TimeCode {
+        match &self.of_files {
+            Some(numbers) => TimeCode::At(numbers[frame] as f64),
+            None => TimeCode::FromStart(frame as f64),
+        }
     }
 
     /// The frame of a number; negative ones count from the end.

@@ -7,9 +7,12 @@ use tyndall::scene::camera::Camera;
 use tyndall::scene::camera_path::CameraPath;
 use tyndall::scene::outline::Outline;
 use tyndall::scene::viewpoint::Viewpoint;
+use tyndall_io::read::{TimeCode, UsdCamera};
 use tyndall_io::write::movie;
 
 use crate::args;
+use crate::camera::of_stage;
+use crate::looks;
 use crate::names::Numbers;
 use crate::output::Pattern;
 use crate::report::{Failure, Outcome, Report, counted};
@@ -34,6 +37,8 @@ enum Shot {
     Turned(f64),
     /// At this place of its path.
     At(f64),
+    /// That of a stage.
+    Stage(UsdCamera),
 }
 
 impl Picture {
@@ -49,10 +54,19 @@ impl Picture {
         viewpoint: &Viewpoint,
         (camera, outline): (&Camera, &Outline),
     ) -> Outcome<Camera> {
-        Ok(match self.shot {
-            Shot::Turned(angle) => viewpoint.turned(camera, outline, angle),
-            Shot::At(place) => CameraPath::new(args.camera.keys.clone())?.camera(place, camera),
+        Ok(match &self.shot {
+            Shot::Turned(angle) => viewpoint.turned(camera, outline, *angle),
+            Shot::At(place) => CameraPath::new(args.camera.keys())?.camera(*place, camera),
+            Shot::Stage(found) => {
+                let [width, height] = args.picture.pixels().map(f64::from);
+                of_stage(found, width / height, outline)
+            }
         })
+    }
+
+    /// The radius of its camera's lens, if a stage says so.
+    pub(crate) fn lens(&self) -> Option<f64> {
+        if let Shot::Stage(found) = &self.shot { found.lens } else { None }
     }
 }
 
@@ -74,7 +88,8 @@ pub(crate) fn pictures(
         ));
     }
 
-    let keys = CameraPath::new(args.camera.keys.clone())?;
+    let stage = args.camera.stage()?;
+    let keys = CameraPath::new(args.camera.keys())?;
     let has_keys = keys.len() > 0;
     // Around one frame there are as many pictures as are asked for, or as its cameras make.
     let of_cameras = match keys.moves() {
@@ -82,9 +97,8 @@ pub(crate) fn pictures(
         false => Some(keys.len()).filter(|&count| count > 1),
     };
     let around_one = (chosen.len() == 1).then(|| of_cameras.or(frame_count.map(|it| it as usize))).flatten();
-    if frame_count.is_some() && orbit.is_none() && !(has_keys && keys.moves()) {
-        let text =
-            "--frame-count is for a camera that moves — give --orbit DEGREES, or --camera with at=PICTURE";
+    if frame_count.is_some() && orbit.is_none() && !(has_keys && keys.moves()) && stage.is_none() {
+        let text = "--frame-count is for a camera that moves — give --orbit DEGREES, or --camera with at=PICTURE or a stage";
         return Err(Failure::Usage(text.into()));
     }
     if frame_count.is_some() && chosen.len() > 1 {
@@ -124,6 +138,22 @@ pub(crate) fn pictures(
         Picture { frame, path: name.clone(), name, shot, is_left: false }
     };
     let mut pictures: Vec<Picture> = (0..pictures).map(picture).collect();
+    if let Some(stage) = stage {
+        // Pictures of one frame go on from its time.
+        let time = |(place, picture): (usize, &Picture)| {
+            let later = if around_one.is_some() { place as f64 } else { 0.0 };
+            numbers.time_code(picture.frame).later(later)
+        };
+        let times: Vec<TimeCode> = pictures.iter().enumerate().map(time).collect();
+        let cameras = stage.at(&times)?;
+        let is_left_out = args.look.aperture.is_none() && !looks::has_lens_of_stage(args);
+        if is_left_out && cameras.iter().any(|it| it.lens.is_some()) {
+            report.note(
+                "note: the fStop of the camera is left out: only pictures of spheres by paths, such as --look matte, have a lens of its own",
+            );
+        }
+        pictures.iter_mut().zip(cameras).for_each(|(picture, camera)| picture.shot = Shot::Stage(camera));
+    }
     if let Some(Again { name, to }) = &args.origin.again {
         let mut is_found = false;
         for picture in &mut pictures {

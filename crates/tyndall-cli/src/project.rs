@@ -298,8 +298,9 @@ impl Job<'_> {
         let (outline, framed) = survey::joined(self.outline(particles, usual), surveyed, usual.into());
         let [width, height] = self.args.picture.pixels().map(f64::from);
         let camera = self.viewpoint.camera(&outline, width / height);
-        let given = self.viewpoint.eye.is_some();
-        (camera, outline, if given { "camera given".into() } else { framed })
+        let given = self.viewpoint.eye.map(|_| "camera given".into());
+        let given = self.args.camera.described().or(given);
+        (camera, outline, given.unwrap_or(framed))
     }
 
     /// What is framed of particles of that radius, and how it was found.

@@ -52,7 +52,7 @@ pub(crate) fn warn(args: &Render, particles: &Particles, camera: &Camera, report
     let said = &args.camera;
     let is_framed = said.eye.is_none()
         && said.look_at.is_none()
-        && said.keys.is_empty()
+        && said.cameras.is_empty()
         && said.ortho.is_none_or(|ortho| ortho.0.is_none())
         && args.input.center.is_none();
     if !is_framed || said.frame_sequence {

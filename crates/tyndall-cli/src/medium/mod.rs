@@ -465,7 +465,8 @@ impl Job<'_> {
             (_, CacheName::Single) => "light scattered once".into(),
             (_, CacheName::Off) => "no cache".into(),
         });
-        let framing = if viewpoint.eye.is_some() { "camera given".into() } else { framed };
+        let given = self.args.camera.described().or(viewpoint.eye.map(|_| "camera given".into()));
+        let framing = given.unwrap_or(framed);
         let most = if self.goal().is_given() { "at most " } else { "" };
         guesses.extend([framing, format!("{width}x{height}, {most}{samples} samples")]);
         guesses.extend(args.denoise.then(|| "denoised".into()));

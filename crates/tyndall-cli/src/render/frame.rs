@@ -98,7 +98,7 @@ impl Job<'_> {
         // What is shown is known when the scene stands.
         let frames_shown = kept.is_none() && self.args.camera.frame_shown;
         let is_first = kept.is_none();
-        let guessed = self.guess(&frame, kept)?;
+        let guessed = self.guess(&frame, pictures, kept)?;
         if pictures.is_empty() && !frames_shown {
             return Ok(());
         }
@@ -117,7 +117,7 @@ impl Job<'_> {
     }
 
     /// Guesses what is not said, and tells it.
-    fn guess(&self, frame: &Frame, kept: &mut Option<Kept>) -> Outcome<Guessed> {
+    fn guess(&self, frame: &Frame, pictures: &[&Picture], kept: &mut Option<Kept>) -> Outcome<Guessed> {
         let guessing = Instant::now();
         let Frame { number, parts, opened, particles, conventions, layers, .. } = frame;
         let is_first = kept.is_none();
@@ -173,7 +173,10 @@ impl Job<'_> {
             if has_spheres {
                 let sample = opened.as_ref().map_or(spheres, |opened| opened.spheres(spheres.radius_scale));
                 let Settings { width, height, .. } = self.settings;
-                let view = camera.view(particles.positions().origin(), width, height)?;
+                let first =
+                    pictures.first().map(|it| it.camera(self.args, &self.viewpoint, (&camera, &outline)));
+                let first = first.transpose()?.unwrap_or(camera);
+                let view = first.view(particles.positions().origin(), width, height)?;
                 too_small(sample, &view).iter().for_each(|warning| self.report.warn(warning));
             }
             if look.bonds.is_some() && look.radius.is_none() && look.radius_scale == 1.0 {
@@ -345,7 +348,7 @@ impl Job<'_> {
         for (place, picture) in pictures.iter().enumerate() {
             let rendering = Instant::now();
             let camera = picture.camera(self.args, &self.viewpoint, (&built.camera, &built.outline))?;
-            self.set_light(&mut scene, dropped, &camera)?;
+            self.set_light(&mut scene, dropped, (&camera, picture.lens()))?;
             output.check(&annotated, &camera)?;
             let options = self.args.picture.options(metadata::of_picture(entries.clone(), picture));
             let since = if place == 0 { start } else { rendering };
@@ -384,14 +387,19 @@ impl Job<'_> {
         }
     }
 
-    /// Lights the scene for a camera. Fails if there is nothing to light.
-    fn set_light(&self, scene: &mut Scene, dropped: u64, camera: &Camera) -> Outcome<()> {
+    /// Lights the scene for a camera with a lens of that radius, if it has one. Fails if there is nothing to light.
+    fn set_light(
+        &self,
+        scene: &mut Scene,
+        dropped: u64,
+        (camera, lens): (&Camera, Option<f64>),
+    ) -> Outcome<()> {
         let Settings { width, height, .. } = self.settings;
         let view = camera.view(scene.structure().origin(), width, height)?;
         if scene.structure().is_empty() {
             return Err(Failure::Unseen(why_unseen(scene.structure(), dropped, &view)));
         }
-        let adjustments = looks::adjustments(self.args, camera, self.lights.clone());
+        let adjustments = looks::adjustments(self.args, (camera, lens), self.lights.clone());
         let axes = [view.forward, view.right, view.up];
         scene.lighting = looks::look(self.args.look.look).unwrap_or_default().lighting(axes, &adjustments);
         Ok(())

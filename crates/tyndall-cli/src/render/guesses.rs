@@ -116,6 +116,9 @@ impl Job<'_> {
         let outline = Outline::joined(&std::iter::once(outline).chain(others).collect::<Vec<_>>());
         let aspect = f64::from(self.settings.width) / f64::from(self.settings.height);
         let camera = self.viewpoint.camera(&outline, aspect);
+        if let Some(text) = self.args.camera.described() {
+            return (camera, outline, text);
+        }
         if self.viewpoint.eye.is_some() {
             return (camera, outline, "camera given".into());
         }

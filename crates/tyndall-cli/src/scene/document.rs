@@ -14,6 +14,7 @@ use super::grid::Grid;
 use super::keys::{FILES, Key, Keys, Values};
 use super::layer;
 use super::values::{camera_words, light_with_file, light_words, word};
+use crate::camera;
 use crate::report::{Failure, Outcome};
 
 /// What a key says.
@@ -161,9 +162,10 @@ impl Reader<'_> {
         let here = |file: &Path| self.folder.join(file).display().to_string();
         match (&*key.name, value) {
             ("light", DeValue::Table(light)) => light_words(light, self.folder),
-            ("camera", DeValue::Table(camera)) => camera_words(camera),
+            ("camera", DeValue::Table(camera)) => camera_words(camera, self.folder),
             ("layer", DeValue::Table(layer)) => layer::words(self.keys, layer, self.folder),
             ("light", DeValue::String(text)) => Ok(light_with_file(text, here)),
+            ("camera", DeValue::String(text)) => Ok(camera::with_file(text, here)),
             (_, DeValue::Boolean(_)) => Err("it needs a value, such as in 'tyndall render --help'".into()),
             (_, DeValue::String(text)) if key.is_path() && !text.starts_with("synthetic:") => {
                 Ok(here(Path::new(&**text)))
@@ -219,10 +221,18 @@ mod tests {
     #[test]
     fn repeated_flags_are_tables_or_texts() {
         let tables = "[[light]]\nkind = 'sky'\nradiance = 2\n[[light]]\nkind = 'image'\nfile = 'x.hdr'\n\
-                      [[camera]]\nat = 0\neye = [1, 2, 3]\n[[camera]]\nat = 5\n";
-        let texts = "[medium]\nlight = ['sky:2', 'image:1:x.hdr']\n[camera]\ncamera = ['at=0 eye=1,2,3', { at = 5 }]\n";
-        let expected =
-            ["--light=sky:2", "--light=image:1:a/x.hdr", "--camera=at=0 eye=1,2,3", "--camera=at=5"];
+                      [[camera]]\nat = 0\neye = [1, 2, 3]\n[[camera]]\nat = 5\n\
+                      [[camera]]\nfile = 'b.usda'\nprim = '/cam'\n[[camera]]\nfile = 'b.usda'\n";
+        let texts = "[medium]\nlight = ['sky:2', 'image:1:x.hdr']\n[camera]\ncamera = ['at=0 eye=1,2,3', { at = 5 }, 'b.usda:/cam', \
+                     { file = 'b.usda' }]\n";
+        let expected = [
+            "--light=sky:2",
+            "--light=image:1:a/x.hdr",
+            "--camera=at=0 eye=1,2,3",
+            "--camera=at=5",
+            "--camera=a/b.usda:/cam",
+            "--camera=a/b.usda",
+        ];
         assert_eq!(read_text(tables).unwrap(), expected);
         assert_eq!(read_text(texts).unwrap(), expected);
     }

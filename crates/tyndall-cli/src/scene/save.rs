@@ -12,6 +12,7 @@ use toml::de::{DeTable, DeValue};
 use super::grid::Grid;
 use super::keys::{FILES, Key, Keys, Values};
 use super::values::light_with_file;
+use crate::camera;
 
 /// What the flags in `given` and the grid say; names of files are written as `place` puts them. Of the files `files` stay.
 pub(super) fn text(
@@ -82,6 +83,7 @@ fn value(key: &Key, given: &ArgMatches, place: &dyn Fn(&Path) -> String) -> Valu
     let texts = words.map(|word: &OsStr| match &*key.name {
         _ if key.is_path() => place(Path::new(word)),
         "light" => light_with_file(&word.to_string_lossy(), place),
+        "camera" => camera::with_file(&word.to_string_lossy(), place),
         _ => word.to_string_lossy().into_owned(),
     });
     match key.values() {

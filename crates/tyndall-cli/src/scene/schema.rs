@@ -97,6 +97,8 @@ fn camera_key() -> Value {
         "properties": {
             "at": number(), "eye": point(), "look-at": point(), "up": point(), "fov": number(), "ortho": number(),
             "move": { "enum": ["smooth", "straight"] },
+            "file": { "type": "string", "description": "A USD stage (.usda) that has the camera" },
+            "prim": { "type": "string", "description": "The path of the camera's prim" },
         },
         "additionalProperties": false,
     })

@@ -68,8 +68,21 @@ pub(super) fn light_with_file(text: &str, place: impl Fn(&Path) -> String) -> St
     }
 }
 
-/// What `--camera` says, from a table.
-pub(super) fn camera_words(camera: &DeTable) -> Result<String, String> {
+/// What `--camera` says, from a table; files are relative to `folder`.
+pub(super) fn camera_words(camera: &DeTable, folder: &Path) -> Result<String, String> {
+    let text = |name: &str| match camera.get(name).map(|value| value.get_ref()) {
+        None => Ok(None),
+        Some(DeValue::String(text)) => Ok(Some(&**text)),
+        Some(_) => Err(format!("the {name} of a camera is a text")),
+    };
+    if let Some(file) = text("file")? {
+        if let Some((name, _)) = camera.iter().find(|(name, _)| !matches!(&**name.get_ref(), "file" | "prim"))
+        {
+            return Err(format!("a camera of a file has no '{}'", name.get_ref()));
+        }
+        let prim = text("prim")?.map_or(String::new(), |prim| format!(":{prim}"));
+        return Ok(format!("{}{prim}", folder.join(file).display()));
+    }
     let words = camera.iter().map(|(name, value)| {
         Ok(format!("{}={}", name.get_ref().replace('_', "-"), word(value.get_ref(), ',')?))
     });

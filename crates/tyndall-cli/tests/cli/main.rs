@@ -21,6 +21,7 @@ mod pictures;
 mod project;
 mod scenes;
 mod shapes;
+mod stages;
 mod stop;
 
 use std::ffi::OsStr;

@@ -94,6 +94,7 @@ pub use picture::picture_texts;
 pub(crate) use rows::open_end;
 pub use sky::sky;
 pub(crate) use unpack::Packing;
+pub use usda::camera::{TimeCode, UsdCamera, usd_cameras};
 
 /// How much of a file decides its format.
 const HEAD: u64 = 64 << 10;

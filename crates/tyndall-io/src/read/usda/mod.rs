@@ -1,9 +1,10 @@
 //! USD as text (`.usda`): the points of `Points` prims, and where a `PointInstancer` puts its instances, with their primvars.
 //!
 //! Takes the whole text, gives the points of all prims, each moved by the transforms that it is under. Frames are the time samples of the
-//! points; what has no sample at a time has the one before it, or its default. References, payloads and variants are not followed.
+//! points; what has no sample at a time has the one before it, or its default, but transforms go on from sample to sample. References, payloads and variants are not followed.
 //! Source: OpenUSD, "UsdGeomPoints", "UsdGeomXformable", "UsdGeomPrimvar" and the text file format of Sdf.
 
+pub(crate) mod camera;
 mod numbers;
 mod scan;
 mod transform;
@@ -17,11 +18,13 @@ use tyndall::scene::wanted::Offered;
 use tyndall::{Error, Progress, Result};
 
 use self::numbers::{Column, joined, values};
-use self::scan::{Layer, Prim, Property};
+use self::scan::{Layer, Prim, Property, Wanted};
 use super::{Index, Request, Span, records};
 use crate::sequence::{Frame, Options};
 
 const HINT: &str = "export the points again as .usda, PLY or classic .bgeo";
+const POINTS: Wanted =
+    Wanted { is: |prim| prim.positions().is_some(), name: "prims with points", hint: HINT };
 /// More values than these of a point are a mistake.
 const MOST_COMPONENTS: usize = 1 << 10;
 /// A value that is the same for all points has at most so many components: those of a matrix.
@@ -49,7 +52,7 @@ fn times(layer: &Layer) -> Vec<f64> {
 
 /// Finds the frames. A span's offset is the frame's number.
 pub(crate) fn index(path: &Path, bytes: &[u8], _: &Options) -> Result<Index> {
-    let layer = Layer::read(path, bytes)?;
+    let layer = Layer::read(path, bytes, POINTS)?;
     let count = times(&layer).len().max(1);
     let span = |frame: usize| Span { offset: frame as u64, line: frame as u64 + 1, bytes: None };
     Ok(Index { frames: (0..count).map(span).collect(), ..Index::default() })
@@ -64,7 +67,7 @@ pub(crate) fn frame(
     progress: &dyn Progress,
 ) -> Result<Frame> {
     progress.begin("read", Some(bytes.len() as u64), "B");
-    let layer = Layer::read(path, bytes)?;
+    let layer = Layer::read(path, bytes, POINTS)?;
     let time = times(&layer).get(span.offset as usize).copied();
     let fault = |prim: &Prim, what: String| Error::format(path, format!("prim '{}'", prim.name), what, HINT);
 

@@ -6,24 +6,33 @@ use std::sync::Arc;
 use memchr::{memchr, memchr3};
 use tyndall::{Error, Result};
 
-use super::HINT;
-
 /// Prims in prims beyond this are a mistake, or an attack.
 const MOST_DEPTH: usize = 200;
-/// And so are more clouds of points than these.
+/// And so are more clouds of points, or cameras, than these.
 const MOST_PRIMS: usize = 1 << 12;
+
+/// Which prims are wanted, and what to try where the file is wrong.
+#[derive(Clone, Copy)]
+pub(super) struct Wanted {
+    pub(super) is: fn(&Prim) -> bool,
+    /// What they are called.
+    pub(super) name: &'static str,
+    pub(super) hint: &'static str,
+}
 
 /// What a file has.
 pub(super) struct Layer<'a> {
     metadata: &'a [u8],
-    /// The prims with points.
+    /// The prims that are wanted.
     pub(super) prims: Vec<Prim<'a>>,
 }
 
 /// A prim.
 pub(super) struct Prim<'a> {
+    /// Its name behind those of the prims it is in: `/world/spray`.
+    pub(super) path: String,
     pub(super) name: &'a str,
-    kind: &'a str,
+    pub(super) kind: &'a str,
     pub(super) properties: Vec<Property<'a>>,
     /// The properties that are transforms, those of the outermost prim first and its own last.
     pub(super) transforms: Vec<Arc<Vec<Property<'a>>>>,
@@ -41,31 +50,41 @@ pub(super) struct Property<'a> {
     metadata: &'a [u8],
 }
 
+/// The values of a property around a time.
+pub(super) struct Around<'a> {
+    pub(super) before: &'a [u8],
+    /// The next sample, and the share of the way to it.
+    pub(super) next: Option<(&'a [u8], f64)>,
+}
+
 impl<'a> Layer<'a> {
-    pub(super) fn read(path: &Path, text: &'a [u8]) -> Result<Self> {
-        let mut scanner = Scanner { path, text, place: memchr(b'\n', text).unwrap_or(text.len()) };
+    pub(super) fn read(path: &Path, text: &'a [u8], wanted: Wanted) -> Result<Self> {
+        let place = memchr(b'\n', text).unwrap_or(text.len());
+        let mut scanner = Scanner { path, hint: wanted.hint, text, place };
         scanner.skip_blanks();
         let metadata = if scanner.peek() == Some(b'(') { scanner.value()? } else { &[] };
         let root = scanner.body("", "", 0)?;
         let mut layer = Self { metadata, prims: Vec::new() };
-        layer.take(root, &[]);
+        layer.take(root, "", &[], wanted);
         if layer.prims.len() > MOST_PRIMS {
-            return Err(scanner.fault(format!("more than {MOST_PRIMS} prims with points")));
+            return Err(scanner.fault(format!("more than {MOST_PRIMS} {}", wanted.name)));
         }
         Ok(layer)
     }
 
-    /// Takes the prims with points of a tree.
-    fn take(&mut self, node: Node<'a>, above: &[Arc<Vec<Property<'a>>>]) {
+    /// Takes the wanted prims of a tree.
+    fn take(&mut self, node: Node<'a>, path: &str, above: &[Arc<Vec<Property<'a>>>], wanted: Wanted) {
         let is_transform = |it: &&Property| it.name.starts_with("xformOp");
         let own: Vec<Property> = node.properties.iter().filter(is_transform).cloned().collect();
         let own = (!own.is_empty()).then(|| Arc::new(own));
         let transforms: Vec<_> = above.iter().cloned().chain(own).collect();
         for child in node.children {
-            self.take(child, &transforms);
+            let path = format!("{path}/{}", child.name);
+            self.take(child, &path, &transforms, wanted);
         }
-        let prim = Prim { name: node.name, kind: node.kind, properties: node.properties, transforms };
-        if prim.positions().is_some() {
+        let Node { name, kind, properties, .. } = node;
+        let prim = Prim { path: path.to_string(), name, kind, properties, transforms };
+        if (wanted.is)(&prim) {
             self.prims.push(prim);
         }
     }
@@ -108,6 +127,15 @@ impl<'a> Property<'a> {
         value.filter(|it| *it != b"None")
     }
 
+    /// The same, with the sample behind it where a time lies between two.
+    pub(super) fn around(&self, time: Option<f64>) -> Option<Around<'a>> {
+        let after = time.map_or(0, |time| self.samples.partition_point(|it| it.0 <= time));
+        let pair = after.checked_sub(1).and_then(|before| self.samples.get(before..after + 1));
+        let next =
+            time.zip(pair).map(|(time, pair)| (pair[1].1, (time - pair[0].0) / (pair[1].0 - pair[0].0)));
+        Some(Around { before: self.at(time)?, next: next.filter(|it| it.0 != b"None") })
+    }
+
     /// How many elements of its array a point has.
     pub(super) fn element_size(&self) -> usize {
         said(self.metadata, "elementSize").and_then(|it| it.parse().ok()).unwrap_or(1).max(1)
@@ -134,6 +162,7 @@ struct Node<'a> {
 
 struct Scanner<'a, 'p> {
     path: &'p Path,
+    hint: &'static str,
     text: &'a [u8],
     place: usize,
 }
@@ -142,7 +171,7 @@ impl<'a> Scanner<'a, '_> {
     fn fault(&self, what: impl Into<String>) -> Error {
         let place = self.place.min(self.text.len());
         let line = 1 + memchr::memchr_iter(b'\n', &self.text[..place]).count();
-        Error::format(self.path, format!("line {line}"), what, HINT)
+        Error::format(self.path, format!("line {line}"), what, self.hint)
     }
 
     fn peek(&self) -> Option<u8> {
@@ -374,7 +403,7 @@ impl<'a> Scanner<'a, '_> {
     fn samples(&self, block: &'a [u8]) -> Result<Vec<(f64, &'a [u8])>> {
         let inside = block.strip_prefix(b"{").and_then(|it| it.strip_suffix(b"}"));
         let inside = inside.ok_or_else(|| self.fault("time samples were wanted: { TIME: VALUE, }"))?;
-        let mut scanner = Scanner { path: self.path, text: inside, place: 0 };
+        let mut scanner = Scanner { path: self.path, hint: self.hint, text: inside, place: 0 };
         let mut samples: Vec<(f64, &[u8])> = Vec::new();
         loop {
             scanner.skip_blanks();

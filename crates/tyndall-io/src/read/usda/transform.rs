@@ -6,9 +6,9 @@ use glam::{DAffine3, DMat3, DMat4, DQuat, DVec3};
 use tyndall::particles::Values;
 
 use super::numbers::values;
-use super::scan::Property;
+use super::scan::{Around, Property};
 
-/// Where the points of a prim go, by the transforms of all prims from the outermost one to its own; and the operations that are not
+/// Where a prim and its points go, by the transforms of all prims from the outermost one to its own; and the operations that are not
 /// understood.
 pub(super) fn of(prims: &[Arc<Vec<Property>>], time: Option<f64>) -> (DAffine3, Vec<String>) {
     let (mut world, mut left_out) = (DAffine3::IDENTITY, Vec::new());
@@ -22,8 +22,11 @@ pub(super) fn of(prims: &[Arc<Vec<Property>>], time: Option<f64>) -> (DAffine3, 
                 continue;
             }
             let (plain, is_inverse) = name.strip_prefix("!invert!").map_or((name, false), |it| (it, true));
-            let value = properties.iter().find(|it| it.name == plain).and_then(|it| it.at(time));
-            match value.and_then(|it| operation(plain, it)) {
+            let property = properties.iter().find(|it| it.name == plain);
+            if property.is_some_and(|it| it.at(time).is_none()) {
+                continue; // What has no value then does nothing.
+            }
+            match property.and_then(|it| operation(plain, it, time)) {
                 Some(it) if is_inverse => world *= it.inverse(),
                 Some(it) => world *= it,
                 None => left_out.push(name.to_string()),
@@ -33,12 +36,46 @@ pub(super) fn of(prims: &[Arc<Vec<Property>>], time: Option<f64>) -> (DAffine3, 
     (world, left_out)
 }
 
-/// What an operation does, by its name: `xformOp:rotateXYZ:suffix`.
-fn operation(name: &str, value: &[u8]) -> Option<DAffine3> {
-    let kind = name.strip_prefix("xformOp:")?.split(':').next()?;
+/// The numbers of a value.
+fn numbers(value: &[u8]) -> Option<Vec<f64>> {
     let column = values("double[]", value).ok()?;
-    let numbers: Vec<f64> = (0..column.len()).map(|place| column.number(place)).collect();
+    Some((0..column.len()).map(|place| column.number(place)).collect())
+}
+
+/// The numbers of a property at a time, which between two samples go straight from one to the other.
+pub(super) fn numbers_at(property: &Property, time: Option<f64>) -> Option<Vec<f64>> {
+    let Around { before, next } = property.around(time)?;
+    let from = numbers(before)?;
+    let Some((after, share)) = next else { return Some(from) };
+    let to = numbers(after).filter(|to| to.len() == from.len())?;
+    Some(from.iter().zip(to).map(|(from, to)| from + share * (to - from)).collect())
+}
+
+/// A turn at a time, which between two samples goes the short way round at one speed.
+fn turn_at(property: &Property, time: Option<f64>) -> Option<DQuat> {
+    let turn = |value: &[u8]| {
+        let [w, x, y, z] = numbers(value)?.as_slice().try_into().ok()?;
+        Some(DQuat::from_xyzw(x, y, z, w).normalize())
+    };
+    let Around { before, next } = property.around(time)?;
+    let from = turn(before)?;
+    Some(match next {
+        Some((after, share)) => from.slerp(turn(after)?, share),
+        None => from,
+    })
+}
+
+/// What an operation does at a time, by its name: `xformOp:rotateXYZ:suffix`.
+fn operation(name: &str, property: &Property, time: Option<f64>) -> Option<DAffine3> {
+    let kind = name.strip_prefix("xformOp:")?.split(':').next()?;
+    let numbers = numbers_at(property, time)?;
     let vector = || Some(DVec3::from_array(numbers.as_slice().try_into().ok()?));
+    let along = |usual: DVec3| {
+        let axis = "XYZ".find(kind.chars().last()?)?;
+        let mut vector = usual;
+        vector[axis] = *numbers.first()?;
+        Some(vector)
+    };
     let around = |axis: char, degrees: f64| {
         let angle = degrees.to_radians();
         match axis {
@@ -50,10 +87,9 @@ fn operation(name: &str, value: &[u8]) -> Option<DAffine3> {
     let found = match kind {
         "translate" => DAffine3::from_translation(vector()?),
         "scale" => DAffine3::from_scale(vector()?),
-        "orient" => {
-            let [w, x, y, z] = numbers.as_slice().try_into().ok()?;
-            DAffine3::from_quat(DQuat::from_xyzw(x, y, z, w).normalize())
-        }
+        "translateX" | "translateY" | "translateZ" => DAffine3::from_translation(along(DVec3::ZERO)?),
+        "scaleX" | "scaleY" | "scaleZ" => DAffine3::from_scale(along(DVec3::ONE)?),
+        "orient" => DAffine3::from_quat(turn_at(property, time)?),
         // Rows of the file act on row vectors: they are our columns.
         "transform" => {
             let matrix = DMat4::from_cols_array(numbers.as_slice().try_into().ok()?);
