@@ -130,7 +130,7 @@ impl<'a> Output<'a> {
         let looked_at = |row| {
             let mut image = band(row)?;
             shows |= !image.shows_nothing();
-            is_blank = !shows && row + image.height == size[1];
+            is_blank = !shows && row + image.height == size[1] && self.args.shapes.holdout().is_none();
             // What shows nothing is not written.
             if is_blank {
                 return Err(Error::Interrupted);

@@ -210,6 +210,7 @@ impl Job<'_> {
             ("--opacity", look.opacity.is_some()),
             ("--shutter", look.shutter.is_some()),
             (self.args.shapes.name().unwrap_or_default(), self.args.shapes.name().is_some()),
+            ("--holdout", self.args.shapes.holdout().is_some()),
             ("--aperture", look.aperture.is_some()),
             ("--bounces", look.bounces.is_some()),
             ("--noise", self.args.medium.noise.is_some()),

@@ -26,6 +26,11 @@ pub(crate) struct Shapes {
     /// Color of a mesh, #rrggbb or a color's name: one for all, or repeated, one for each [default: light gray]
     #[arg(long, value_name = "COLOR", value_parser = coloring::color, requires = "mesh")]
     mesh_color: Vec<[u8; 3]>,
+    /// A mesh that hides what is behind it but is not shown: an STL, OBJ or PLY file in the particles' coordinates; repeated for more. Pictures have no color and alpha 0 there
+    /// (with an opaque background that), for laying them over a plate or another renderer's set: --background none. It casts shadows and throws light back, in
+    /// light gray. Also for media, alone and with spheres
+    #[arg(long, value_name = "FILE")]
+    holdout: Vec<PathBuf>,
     /// The edges of the simulation's cell as rods of that radius among the particles, in their light and with shadows, in place of the lines of --cell; auto is a 200th of the
     /// shortest edge
     #[arg(long, value_name = "R", value_parser = rod, num_args = 0..=1, default_missing_value = "auto", conflicts_with = "cell")]
@@ -85,6 +90,11 @@ impl Shapes {
         let arrows = self.arrows.as_ref().map(|_| "--arrows");
         let ellipsoids = self.has_given_ellipsoids().then_some("--ellipsoids");
         arrows.or(ellipsoids).or((!self.mesh.is_empty()).then_some("--mesh")).or(self.rods())
+    }
+
+    /// The flag that asks for a hold-out, if it is given.
+    pub(crate) fn holdout(&self) -> Option<&'static str> {
+        (!self.holdout.is_empty()).then_some("--holdout")
     }
 
     /// The flag that asks for the cell as rods, if it is given.
@@ -151,27 +161,57 @@ impl Shapes {
             let color = self.mesh_color.get(number).or(self.mesh_color.first());
             linear(*color.unwrap_or(&MESH_COLOR))
         };
-        let read = |(number, path): (usize, &PathBuf)| Ok((read::mesh(path)?, color(number)));
-        Ok(Meshes(self.mesh.iter().enumerate().map(read).collect::<Result<_>>()?))
+        let read = |(number, path): (usize, &PathBuf)| Ok((read::mesh("--mesh", path)?, color(number)));
+        let shown = self.mesh.iter().enumerate().map(read).collect::<Result<_>>()?;
+        Ok(Meshes { shown, ..self.holdouts()? })
+    }
+
+    /// Reads the hold-outs alone.
+    pub(crate) fn holdouts(&self) -> Result<Meshes> {
+        let holdouts = self.holdout.iter().map(|path| read::mesh("--holdout", path));
+        Ok(Meshes { shown: Vec::new(), holdouts: holdouts.collect::<Result<_>>()? })
     }
 }
 
-/// Meshes with their colors, linear RGB.
-pub(crate) struct Meshes(Vec<(Mesh, [f32; 3])>);
+/// Meshes.
+pub(crate) struct Meshes {
+    /// With their colors, linear RGB.
+    shown: Vec<(Mesh, [f32; 3])>,
+    holdouts: Vec<Mesh>,
+}
 
 impl Meshes {
-    /// What there is, in words; none without any.
-    pub(crate) fn description(&self) -> Option<String> {
-        let triangles = self.0.iter().map(|(mesh, _)| mesh.len()).sum();
-        match self.0.len() {
-            0 => None,
-            1 => Some(format!("a mesh of {}", counted(triangles, "triangle"))),
-            count => Some(format!("{count} meshes of {} triangles", grouped(triangles))),
-        }
+    /// Whether any hide without being shown.
+    pub(crate) fn have_holdouts(&self) -> bool {
+        !self.holdouts.is_empty()
     }
 
-    /// Shows them in a scene.
+    /// With the hold-outs of others.
+    pub(crate) fn and(mut self, others: Self) -> Self {
+        self.holdouts.extend(others.holdouts);
+        self
+    }
+
+    /// What there is, in words.
+    pub(crate) fn description(&self) -> Vec<String> {
+        let counts = [self.shown.len(), self.holdouts.len()];
+        let triangles = [
+            self.shown.iter().map(|(mesh, _)| mesh.len()).sum::<usize>(),
+            self.holdouts.iter().map(Mesh::len).sum(),
+        ];
+        let names = [("a mesh", "meshes"), ("a hold-out", "hold-outs")];
+        let pieces = counts.into_iter().zip(triangles).zip(names);
+        let piece = |((count, triangles), (one, several)): ((usize, usize), (&str, &str))| match count {
+            0 => None,
+            1 => Some(format!("{one} of {}", counted(triangles, "triangle"))),
+            count => Some(format!("{count} {several} of {} triangles", grouped(triangles))),
+        };
+        pieces.filter_map(piece).collect()
+    }
+
+    /// Adds them to a scene.
     pub(crate) fn add_to(&self, scene: &mut Scene) -> Result<()> {
-        self.0.iter().try_for_each(|(mesh, color)| scene.add_mesh(mesh, *color))
+        self.shown.iter().try_for_each(|(mesh, color)| scene.add_mesh(mesh, *color))?;
+        self.holdouts.iter().try_for_each(|mesh| scene.add_holdout(mesh, linear(MESH_COLOR)))
     }
 }

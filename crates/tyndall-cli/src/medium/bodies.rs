@@ -27,7 +27,7 @@ pub(super) struct Bodies {
 
 /// Refuses what cannot be seen in one picture with a medium, of it and of layers of spheres.
 pub(super) fn check(medium: &Render, spheres: &[&Render]) -> Outcome<()> {
-    if spheres.is_empty() {
+    if spheres.is_empty() && medium.shapes.holdout().is_none() {
         return Ok(());
     }
     let asked = &medium.medium;
@@ -37,7 +37,10 @@ pub(super) fn check(medium: &Render, spheres: &[&Render]) -> Outcome<()> {
         CacheName::Off => Some("--cache off with --emission"),
         CacheName::Sweeps | CacheName::Single => None,
     };
-    let of_medium = [(asked.show != args::Shown::Light, "--show")];
+    if asked.show != args::Shown::Light {
+        let text = "--show is not for spheres and a medium in one picture, nor with --holdout — leave out one of them";
+        return Err(Failure::Usage(text.into()));
+    }
     for layer in spheres {
         let look = &layer.look;
         let is_matte = matches!(look.look, LightLook::Default | LightLook::Matte);
@@ -51,7 +54,7 @@ pub(super) fn check(medium: &Render, spheres: &[&Render]) -> Outcome<()> {
             (layer.medium.emission.is_some() && by_photons.is_some(), by_photons.unwrap_or_default()),
             (layer.illustrate.name().is_some(), layer.illustrate.name().unwrap_or_default()),
         ];
-        let refused = of_medium.iter().chain(&of_spheres).find(|(is_given, _)| *is_given);
+        let refused = of_spheres.iter().find(|(is_given, _)| *is_given);
         if let Some((_, name)) = refused {
             let text =
                 format!("{name} is not for spheres and a medium in one picture — leave out one of them");
@@ -69,12 +72,13 @@ impl Bodies {
         origin: DVec3,
         kept: &[sources::Kept],
     ) -> Outcome<Option<Self>> {
-        if job.spheres.is_empty() {
+        if !job.has_bodies() {
             return Ok(None);
         }
         let frames = job.spheres.read(number, kept, job.report)?;
         let mut outlines: Vec<Outline> = frames.iter().map(|frame| frame.outline.clone()).collect();
-        let descriptions = frames.iter().map(|frame| frame.description.clone()).collect();
+        let descriptions = frames.iter().map(|frame| frame.description.clone());
+        let descriptions = descriptions.chain(job.holdouts.description()).collect();
         let kept = sources::kept(&frames);
         let Together { particles, radii, radius_scale, colors, beside } =
             Together::joined(None, frames, origin)?;
@@ -82,7 +86,8 @@ impl Bodies {
         let structure = Structure::build(Kind::default(), particles, &radii, radius_scale, progress)?;
         let mut scene = Scene::new(structure, colors, Lighting::Flat, None);
         beside.add_to(&mut scene)?;
-        if job.args.camera.frame_shown {
+        job.holdouts.add_to(&mut scene)?;
+        if job.args.camera.frame_shown && !outlines.is_empty() {
             let shown = Shown::of_scene(&scene, 0.0, Outliers::Left);
             outlines = shown.map(|(shown, _)| shown.outline).into_iter().collect();
         }

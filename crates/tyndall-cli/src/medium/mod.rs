@@ -43,6 +43,7 @@ use crate::layers::{self, Layer};
 use crate::looks::LightLook;
 use crate::render::MOST_SAMPLES;
 use crate::report::{Failure, Outcome, Report, counted, seconds};
+use crate::shapes::Meshes;
 use crate::sources::{self, Sources};
 use crate::values::Background;
 use crate::{dry_run, render, survey};
@@ -59,8 +60,11 @@ pub(crate) fn are_grids(files: &[PathBuf]) -> Outcome<bool> {
 pub(crate) fn run(args: &Render, spheres: &[&Render], report: &Report) -> Outcome<()> {
     bodies::check(args, spheres)?;
     let files = &args.input.files;
+    let holdouts = spheres.iter().try_fold(args.shapes.holdouts()?, |all, layer| {
+        Ok::<_, Failure>(all.and(layer.shapes.holdouts()?))
+    })?;
     let spheres = &Sources::open(spheres, report)?;
-    let job = Job { args, spheres, report };
+    let job = Job { args, spheres, holdouts: &holdouts, report };
     if let Some(grid) = &args.origin.grid {
         return job.run_grids(1, |_, names| (grid.file(), grid.density(names, report)));
     }
@@ -115,6 +119,8 @@ struct Job<'a> {
     args: &'a Render,
     /// Layers of spheres in it.
     spheres: &'a Sources<'a>,
+    /// What hides it without being shown.
+    holdouts: &'a Meshes,
     report: &'a Report,
 }
 
@@ -253,10 +259,10 @@ impl Job<'_> {
         march::Settings {
             width,
             height,
-            samples: samples.unwrap_or(match self.spheres.is_empty() {
+            samples: samples.unwrap_or(match self.has_bodies() {
                 _ if self.goal().is_given() => MOST_SAMPLES,
-                true => march::Settings::default().samples,
-                false => SAMPLES_WITH_BODIES,
+                false => march::Settings::default().samples,
+                true => SAMPLES_WITH_BODIES,
             }),
             seed: *seed,
             step: self.args.medium.step,
@@ -430,6 +436,10 @@ impl Job<'_> {
         let (outline, framed) = survey::joined(self.outline(&medium, particles), surveyed, radius);
         let (outline, framed) = match bodies {
             None => (outline, framed),
+            Some(bodies) if bodies.outlines.is_empty() => {
+                guesses.extend(bodies.descriptions.iter().cloned());
+                (outline, framed)
+            }
             Some(bodies) => {
                 guesses.extend(bodies.descriptions.iter().cloned());
                 let others = bodies.outlines.iter().cloned();
@@ -491,6 +501,11 @@ impl Job<'_> {
     /// Layers of spheres in a frame, measured from `origin`.
     fn bodies(&self, number: usize, origin: DVec3, kept: Option<&Scene>) -> Outcome<Option<Bodies>> {
         Bodies::of(self, number, origin, kept.map_or(&[][..], |kept| &kept.layers))
+    }
+
+    /// Whether anything in the medium ends rays.
+    fn has_bodies(&self) -> bool {
+        !self.spheres.is_empty() || self.holdouts.have_holdouts()
     }
 
     /// How many frames there are, where the medium has so many.

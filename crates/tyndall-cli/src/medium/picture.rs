@@ -166,7 +166,10 @@ impl<'a> Renderer<'a> {
         if pixels.iter().all(shows_nothing) {
             let text =
                 "nothing of the medium is in the picture — where does the camera look? (--look-at, --eye)";
-            return Err(Failure::Unseen(text.into()));
+            if !self.job.holdouts.have_holdouts() {
+                return Err(Failure::Unseen(text.into()));
+            }
+            self.job.report.warn(text);
         }
         Ok((picture(&pixels, width, self.showing()), pixels))
     }

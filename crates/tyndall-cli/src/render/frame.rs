@@ -362,7 +362,7 @@ impl Job<'_> {
             } else {
                 let taken = shot.take(&mut scene, &camera)?;
                 if taken.shows_nothing() && self.args.picture.crop.is_none() {
-                    return Err(self.unseen(&scene, dropped, &camera));
+                    self.check_seen(&scene, dropped, &camera)?;
                 }
                 self.report.detail(format_args!("render: {}", seconds(rendering.elapsed().as_secs_f64())));
                 output.write(&picture.path, (taken, options), &annotated, || since.elapsed())?;
@@ -372,6 +372,16 @@ impl Job<'_> {
                 return Err(Error::Interrupted.into());
             }
         }
+        Ok(())
+    }
+
+    /// Fails about a picture that shows nothing, which only hold-outs may lead to.
+    fn check_seen(&self, scene: &Scene, dropped: u64, camera: &Camera) -> Outcome<()> {
+        let failure = self.unseen(scene, dropped, camera);
+        if !self.meshes.have_holdouts() {
+            return Err(failure);
+        }
+        self.report.warn(&format!("nothing is seen, but for --holdout: {failure}"));
         Ok(())
     }
 

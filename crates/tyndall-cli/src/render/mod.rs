@@ -168,7 +168,7 @@ impl<'a> Job<'a> {
             options.check()?;
         }
         let images = args.look.images();
-        let shape = args.look.bonds.map(|_| "--bonds").or(args.shapes.name());
+        let shape = args.look.bonds.map(|_| "--bonds").or(args.shapes.name()).or(args.shapes.holdout());
         let coverage = matches!(culling, Culling::Certified(proofs) if proofs.coverage);
         if images.is_some() && coverage {
             return Err(Error::setting("--certified", "coverage", "without coverage with --replicate").into());
@@ -191,6 +191,11 @@ impl<'a> Job<'a> {
         }
         let beyond = images.map(|_| "--replicate").or(shape).or(args.look.drawn()).or(cut);
         looks::check(args)?;
+        if let (Some(drawn), Some(_)) = (args.illustrate.name(), args.shapes.holdout()) {
+            let text =
+                format!("{drawn} is not for --holdout, over which it would draw — leave out one of them");
+            return Err(Failure::Usage(text));
+        }
         if args.look.moving().is_some() && args.picture.wants_surfaces() {
             let allowed = "without normal and position with --shutter: what moves has several";
             return Err(Error::setting("--layers", "given", allowed).into());

@@ -222,3 +222,80 @@ fn shapes_that_cannot_be_are_refused() {
     }
     assert!(!folder.path("a.png").exists());
 }
+
+#[test]
+fn holdouts_hide_without_being_shown() {
+    let folder = Folder::new();
+    folder.file("a.dump", dump("id type x y z", 4.0, &["1 1 -3 0 0", "2 1 3 0 0"]));
+    folder.file("near.obj", square(-3, 2));
+    folder.file("far.obj", square(3, -2));
+    let line = format!(
+        "a.dump -o a.png {VIEW} --holdout near.obj --mesh far.obj --mesh-color #00ff00 --save-scene a.toml"
+    );
+    let said = folder.render(&line).fine();
+    assert!(said.contains("a mesh of 2 triangles · a hold-out of 2 triangles"), "{said}");
+    let (green, red) = ([0, 255, 0, 255], [255, 0, 0, 255]);
+    let seen = |name: &str| [[-3, 0], [3, 0], [2, 0]].map(|place| color(&folder, name, place));
+    assert_eq!(seen("a.png"), [[0; 4], red, green]);
+    // It shows a background.
+    folder.render(&format!("a.dump -o white.png {VIEW} --background white --holdout near.obj")).fine();
+    let (pixels, color, _) = png(&folder.path("white.png"));
+    assert_eq!((color, &pixels[(16 * 48 + 12) * 3..][..3]), (png::ColorType::Rgb, &[255; 3][..]));
+    // Again by the scene, and by the picture.
+    assert!(std::fs::read_to_string(folder.path("a.toml")).unwrap().contains("holdout = [\"near.obj\"]"));
+    folder.line("render a.toml -o b.png").fine();
+    folder.line("render --again a.png -o c.png").fine();
+    assert!([seen("b.png"), seen("c.png")].iter().all(|it| *it == seen("a.png")));
+    // Where nothing is left, the picture is there all the same: others of the sequence have something.
+    folder.file("wide.obj", square(0, 2).replace("v 1", "v 9").replace("v -1", "v -9"));
+    let said = folder.render(&format!("a.dump -o none.png {VIEW} --holdout wide.obj")).fine();
+    assert!(said.contains("nothing is seen, but for --holdout"), "{said}");
+    assert!(png(&folder.path("none.png")).0.iter().all(|it| *it == 0));
+    folder
+        .render(&format!("a.dump -o x.png {VIEW} --outline --holdout near.obj"))
+        .fails(2, &["--outline", "--holdout"]);
+    folder.render(&format!("a.dump -o x.png {VIEW} --holdout none.obj")).fails(3, &["none.obj"]);
+    folder.file("odd.obj", "v 0 0 0\nv 1 0 0\nv 0 1 nan\nf 1 2 3\n");
+    folder.render(&format!("a.dump -o x.png {VIEW} --holdout odd.obj")).fails(3, &["odd.obj"]);
+    folder
+        .line("render a.dump -o x.png --mode project --holdout near.obj")
+        .fails(2, &["--holdout is for spheres"]);
+}
+
+#[test]
+fn holdouts_end_media_and_what_is_in_them() {
+    let folder = Folder::new();
+    folder.file("ball.xyz", "1\nProperties=species:S:1:pos:R:3\nCu 0.1 0.5 0.05\n");
+    // The left half of the view, through the middle of the cloud.
+    folder.file("wall.obj", "v -9 -9 0.5\nv 0.5 -9 0.5\nv 0.5 9 0.5\nv -9 9 0.5\nf 1 2 3 4\n");
+    let words = "--eye 0.5,0.5,5 --look-at 0.5,0.5,0 --up 0,1,0 --ortho 1.4 --background none --extinction 2 --grid 24 --samples 2 --size 24x16";
+    let cloud = "synthetic:uniform?n=300 --mode medium";
+    let render =
+        |name: &str, more: &str| folder.line(&format!("render {cloud} {words} -o {name} {more}")).fine();
+    let alpha = |name: &str, left: bool| {
+        let (pixels, color, _) = png(&folder.path(name));
+        assert_eq!(color, png::ColorType::Rgba);
+        let of_half = |at: &usize| (at % 24 < 12) == left;
+        (0..24 * 16).filter(of_half).map(|at| f64::from(pixels[4 * at + 3])).sum::<f64>()
+    };
+    render("all.png", "--samples 4");
+    for (name, more) in [("a.png", ""), ("b.png", "--method reference")] {
+        let said = render(name, &format!("--holdout wall.obj {more}"));
+        assert!(said.contains("a hold-out of 2 triangles"), "{said}");
+        let share = [true, false].map(|left| alpha(name, left) / alpha("all.png", left));
+        assert!(share[0] > 0.3 && share[0] < 0.9, "half of the cloud is left: {share:?}");
+        assert!((share[1] - 1.0).abs() < 0.05, "{share:?}");
+    }
+    // A sphere behind it, whichever is named first, is not shown.
+    let sphere = "ball.xyz --radius 0.35 --color red";
+    let of_picture: Vec<&str> = words.split(' ').chain(["--holdout", "wall.obj"]).collect();
+    let first: Vec<&str> = ["render"].into_iter().chain(sphere.split(' ')).collect();
+    folder.run(&[&first[..], &of_picture, &["-o", "c.png", "--layer", cloud]].concat()).fine();
+    let second: Vec<&str> = ["render"].into_iter().chain(cloud.split(' ')).collect();
+    folder.run(&[&second[..], &of_picture, &["-o", "d.png", "--layer", sphere]].concat()).fine();
+    for name in ["c.png", "d.png"] {
+        assert!((alpha(name, true) / alpha("a.png", true) - 1.0).abs() < 0.02, "{name}");
+    }
+    let shown = format!("render {cloud} {words} -o x.png --show density --holdout wall.obj");
+    folder.line(&shown).fails(2, &["--show", "--holdout"]);
+}

@@ -280,7 +280,7 @@ impl Interactive {
         &self.image
     }
 
-    /// What is seen in the middle of a pixel, by a ray of its own; exact, however coarse the picture is.
+    /// What is seen in the middle of a pixel, by a ray of its own; exact, however coarse the picture is. Nothing where a hold-out hides it.
     pub fn pick(&self, x: u32, y: u32) -> Option<Pick> {
         let ray = self.view.ray(x as f32 + 0.5, y as f32 + 0.5);
         let structure = self.scene.structure();
@@ -288,7 +288,8 @@ impl Interactive {
             let particle = structure.intersect(&ray, None).map(|hit| (hit.t, hit.node));
             self.scene.shape_before(&ray, particle.map(|(depth, _)| depth)).or(particle)
         };
-        let (depth, node) = if self.scene.cut().is_some() { self.scene.meet(&ray) } else { whole() }?;
+        let met = if self.scene.cut().is_some() { self.scene.meet(&ray) } else { whole() };
+        let (depth, node) = met.filter(|met| !self.scene.is_holdout(met.1))?;
         let position = structure.origin() + (ray.origin + depth * ray.direction).as_dvec3();
         Some(Pick { place: self.scene.place(node), node, depth, position })
     }

@@ -29,10 +29,8 @@ impl Surface {
         if let Some((shapes, own, shift)) = scene.locate_shape(node) {
             let (position, normal) = shapes.shape(own / 2).surface(point - shift, ray.direction);
             let color = shapes.color(own, |owner| scene.color(owner)).into();
-            let glow = match scene.glows() {
-                true => shapes.color(own, |owner| scene.glow(owner)).into(),
-                false => Vec3::ZERO,
-            };
+            let owner = shapes.particle(own).filter(|_| scene.glows());
+            let glow = owner.map_or(Vec3::ZERO, |owner| scene.glow(owner).into());
             return Self { node, position: position + shift, normal, color, glow };
         }
         let (center, radius) = structure.sphere(node);

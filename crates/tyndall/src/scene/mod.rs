@@ -174,6 +174,25 @@ impl Scene {
         self.add(|shapes, structure| shapes.add_mesh(structure, mesh, color))
     }
 
+    /// Lets a mesh hide what is behind it without being shown: where it is in front, pictures have no color, alpha 0 and no depth, or their background. For light
+    /// it is there as a mesh of that color (linear RGB): it casts shadows, throws light back, and is seen in mirrors and through glass.
+    ///
+    /// Fails as [`Self::add_mesh`] does.
+    pub fn add_holdout(&mut self, mesh: &Mesh, color: [f32; 3]) -> Result<()> {
+        self.add(|shapes, structure| shapes.add_holdout(structure, mesh, color))
+    }
+
+    /// Whether anything hides without being shown.
+    pub(crate) fn has_holdouts(&self) -> bool {
+        self.shapes.as_ref().is_some_and(Shapes::have_holdouts)
+    }
+
+    /// Whether what is at a node hides without being shown.
+    pub(crate) fn is_holdout(&self, node: u32) -> bool {
+        let node = self.cap_of(node).map_or(node, |(_, cut)| cut);
+        self.locate_shape(node).is_some_and(|(shapes, own, _)| shapes.is_holdout(own))
+    }
+
     /// Shows the edges of a cell as rods of that radius and color (linear RGB), which belong to no particle, as a mesh does.
     ///
     /// Fails with [`Error::Setting`] if the radius is not a number above 0, or there are too many nodes.

@@ -4,6 +4,7 @@ mod certified;
 mod culling;
 mod cut;
 mod drawn;
+mod holdouts;
 mod illustration;
 mod interactive;
 mod oracle;

@@ -34,16 +34,16 @@ impl Faces {
     }
 }
 
-/// Reads the triangles of a file.
+/// Reads the triangles of a file, which is asked for by `setting`, as errors call it.
 ///
 /// Fails with [`Error::Io`] if it cannot be read, with [`Error::Format`] or [`Error::Setting`] if it is no mesh, has no faces, names corners that are
 /// not there, or has corners that are not finite.
-pub fn mesh(path: &Path) -> Result<Mesh> {
-    mesh_of(path, content(path)?.as_ref())
+pub fn mesh(setting: &str, path: &Path) -> Result<Mesh> {
+    mesh_of(setting, path, content(path)?.as_ref())
 }
 
 /// The same from the content of a file.
-fn mesh_of(path: &Path, bytes: &[u8]) -> Result<Mesh> {
+fn mesh_of(setting: &str, path: &Path, bytes: &[u8]) -> Result<Mesh> {
     let faces = if ply::recognise(bytes) {
         ply::faces(path, bytes)?
     } else if stl::is_binary(bytes) {
@@ -56,7 +56,7 @@ fn mesh_of(path: &Path, bytes: &[u8]) -> Result<Mesh> {
         let hint = "give an STL, OBJ or PLY file that is whole; other formats can be converted, as by MeshLab or Blender";
         return Err(Error::format(path, "", "this is no mesh that is known", hint));
     };
-    let name = format!("--mesh {}", path.display());
+    let name = format!("{setting} {}", path.display());
     Mesh::new(&name, faces.corners, faces.triangles)
 }
 

@@ -9,7 +9,7 @@ const CORNERS: [[f32; 3]; 4] = [[0.0, 0.0, 0.0], [1.5, 0.0, 0.0], [0.0, 2.0, 0.0
 const FACES: [[u32; 3]; 4] = [[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]];
 
 fn read(bytes: impl AsRef<[u8]>) -> Result<Mesh> {
-    mesh_of(Path::new("a.mesh"), bytes.as_ref())
+    mesh_of("--mesh", Path::new("a.mesh"), bytes.as_ref())
 }
 
 fn triangles(bytes: impl AsRef<[u8]>) -> Vec<[[f64; 3]; 3]> {
@@ -115,7 +115,7 @@ fn all_formats_give_the_same_triangles() {
     let mut packed = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::fast());
     std::io::Write::write_all(&mut packed, &binary_stl("packed")).unwrap();
     std::fs::write(&path, packed.finish().unwrap()).unwrap();
-    assert_eq!(mesh(&path).unwrap().len(), 4);
+    assert_eq!(mesh("--mesh", &path).unwrap().len(), 4);
 }
 
 #[test]
@@ -175,5 +175,5 @@ fn errors_say_what_and_where() {
     assert!(said.contains("face 0") && said.contains("no places of vertices"), "{said}");
     let said = message(text.replace("1 3 0 2 1", "1 4000000000 0 2 -1").as_bytes());
     assert!(said.contains("promises 4 of element 'face', 0 are whole"), "{said}");
-    assert!(mesh(Path::new("/nowhere/a.stl")).unwrap_err().to_string().contains("/nowhere/a.stl"));
+    assert!(mesh("--mesh", Path::new("/nowhere/a.stl")).unwrap_err().to_string().contains("/nowhere/a.stl"));
 }

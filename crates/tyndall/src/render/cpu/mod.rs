@@ -454,9 +454,34 @@ fn keep_nearest(pass: &Pass, block: usize, first: usize, film_tile: &mut FilmTil
     }
 }
 
-/// Finds what every ray of a tile meets, which lies at pixel `inside` of the film tile at pixel `corner`.
+/// Finds what every ray of a tile shows, which lies at pixel `inside` of the film tile at pixel `corner`: what it meets, or nothing where that is not shown.
 #[simd]
 fn find_hits<S: Simd>(
+    simd: S,
+    pass: &Pass,
+    place: ([usize; 2], [usize; 2]),
+    culled: &mut Culled,
+    scratch: &mut Scratch,
+) {
+    meet(simd, pass, place, culled, scratch);
+    if pass.scene.has_holdouts() {
+        let rays = scratch
+            .tile
+            .depth
+            .iter_mut()
+            .zip(&scratch.tile.node)
+            .flat_map(|(depth, node)| depth.iter_mut().zip(node));
+        for (depth, &node) in rays.filter(|(depth, _)| **depth < f32::INFINITY) {
+            if pass.scene.is_holdout(node) {
+                *depth = f32::INFINITY;
+            }
+        }
+    }
+}
+
+/// Finds what every ray of a tile meets.
+#[simd]
+fn meet<S: Simd>(
     simd: S,
     pass: &Pass,
     (corner, inside): ([usize; 2], [usize; 2]),

@@ -37,7 +37,7 @@ pub(super) fn light<S: Simd>(simd: S, pass: &Pass, paths: &Paths, film_tile: &mu
                 let mut met = (depth < f32::INFINITY).then_some((depth, hits.node[at][lane]));
                 if let Some(lens) = &paths.lens {
                     ray = through_lens(&pass.view, lens, &ray, sample);
-                    met = pass.secondary.meet(&ray);
+                    met = pass.secondary.meet(&ray).filter(|met| !pass.scene.is_holdout(met.1));
                 }
                 let light = match met {
                     Some(met) => Some(tracer.radiance(&ray, met, sample)),

@@ -223,7 +223,7 @@ impl<'a> March<'a> {
     fn sample(&self, column: u32, row: u32, sums: &mut Sums) {
         let Settings { width, seed, .. } = self.settings;
         let (mut ray, start) = self.ray(column, row);
-        let met = self.solids.and_then(|it| it.meet(&mut ray, None));
+        let met = self.solids.and_then(|it| it.show(&mut ray));
         let through = match &self.light {
             Source::Cached(cache, lit) => match &**lit {
                 Lit::Grey(bricks, hue) => {
@@ -329,7 +329,7 @@ impl<'a> March<'a> {
         for (lane, (ray, met)) in rays.iter_mut().zip(&mut met).enumerate().take(sums.len()) {
             let start;
             (*ray, start) = self.ray(column + lane as u32, row);
-            *met = self.solids.and_then(|it| it.meet(ray, None));
+            *met = self.solids.and_then(|it| it.show(ray));
             if let Some(path) = Path::within(&self.bounds, self.medium.density(), ray) {
                 paths.set(lane, &path, start);
             }

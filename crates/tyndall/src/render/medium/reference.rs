@@ -170,7 +170,7 @@ impl<'a> Reference<'a> {
         let number = row * self.settings.width + column;
         let [x, y] = point(seed, Dimension::Pixel, number, sample);
         let mut ray = self.view.ray(column as f32 + x, row as f32 + y);
-        let met = self.solids.and_then(|it| it.meet(&mut ray, None));
+        let met = self.solids.and_then(|it| it.show(&mut ray));
 
         self.tracker.cross(&ray, crossing);
         let through = self.tracker.through(crossing.column);

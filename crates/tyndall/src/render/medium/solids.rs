@@ -50,6 +50,14 @@ impl<'a> Solids<'a> {
         Some(Surface::new(self.scene, ray, met))
     }
 
+    /// The surface that a ray from the eye shows; the ray ends at what it meets, also where that hides without being shown.
+    #[inline]
+    pub(super) fn show(&self, ray: &mut Ray) -> Option<Surface> {
+        let met = self.scene.enter(ray, None)?;
+        ray.t_max = met.0;
+        (!self.scene.is_holdout(met.1)).then(|| Surface::new(self.scene, ray, met))
+    }
+
     /// Whether a ray meets anything but node `except`.
     pub(super) fn block(&self, ray: &Ray, except: Option<u32>) -> bool {
         self.scene.is_shadowed(ray, except)

@@ -167,6 +167,8 @@ pub(crate) struct Shapes {
     owners: Arc<Vec<Owner>>,
     /// By mesh, or rods: linear RGB.
     colors: Vec<[f32; 3]>,
+    /// The numbers of the meshes that hide what is behind them and are not shown.
+    holdouts: Vec<u32>,
     /// Over the balls of those that are shown.
     bvh: Bvh,
     /// The radius of the largest ball.
@@ -178,8 +180,8 @@ pub(crate) struct Shapes {
 impl Shapes {
     pub(crate) fn new() -> Result<Self> {
         let bvh = Bvh::build(Vec::<Record<4>>::new(), 0.0, Packing::Exact, &())?;
-        let (shapes, owners, colors) = Default::default();
-        Ok(Self { shapes, owners, colors, bvh, longest: 0.0, mesh_ball: f32::INFINITY })
+        let (shapes, owners, colors, holdouts) = Default::default();
+        Ok(Self { shapes, owners, colors, holdouts, bvh, longest: 0.0, mesh_ball: f32::INFINITY })
     }
 
     /// Adds bonds between particles that stand in `structure`, whose ids the segments have; what has no length is left out. `radius` is that of all.
@@ -270,6 +272,12 @@ impl Shapes {
         // About as many balls as triangles, and some hundreds more, so that a wall of two triangles is not a single ball.
         self.mesh_ball = (area / (count + 256.0)).sqrt() as f32;
         Ok(())
+    }
+
+    /// The same for a mesh that hides what is behind it and is not shown itself; the color is that of the light that it throws back.
+    pub(crate) fn add_holdout(&mut self, structure: &Structure, mesh: &Mesh, color: [f32; 3]) -> Result<()> {
+        self.holdouts.push(self.colors.len() as u32);
+        self.add_mesh(structure, mesh, color)
     }
 
     /// Adds rods with round ends, of a color, linear RGB, between places in the particles' coordinates; what has no length is left out.
@@ -434,6 +442,17 @@ impl Shapes {
             Owner::Particles(nodes) => of_particle(nodes[node as usize % 2]),
             Owner::Mesh(mesh) => self.colors[mesh as usize],
         }
+    }
+
+    /// Whether any mesh hides without being shown.
+    pub(crate) fn have_holdouts(&self) -> bool {
+        !self.holdouts.is_empty()
+    }
+
+    /// Whether a node, counted from 0, is one of a mesh that hides without being shown.
+    pub(crate) fn is_holdout(&self, node: u32) -> bool {
+        let owner = self.owners[node as usize / 2];
+        matches!(owner, Owner::Mesh(mesh) if self.holdouts.contains(&mesh))
     }
 
     /// What a ray enters first, but for shape `except`, and the node, counted from 0: those are tried whose balls it enters.

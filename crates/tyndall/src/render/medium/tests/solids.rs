@@ -11,7 +11,7 @@ use crate::render::medium::sweep::Ordinate;
 use crate::scene::Scene;
 use crate::scene::color::ParticleColors;
 use crate::scene::light::Lighting;
-use crate::structure::shapes::Segment;
+use crate::structure::shapes::{Mesh, Segment};
 use crate::structure::{Kind, Structure};
 
 /// Spheres of one radius and color, as the medium is measured.
@@ -335,5 +335,67 @@ fn balls_for_smooth_light_throw_back_what_spheres_do() {
                 assert!((kept - (1.0 - color)).abs() < 0.12 * (1.0 - color), "{wide} {color}: {kept}");
             }
         }
+    }
+}
+
+/// A wide wall through the box that hides without being shown: where the coordinate along `axis` is `at`, on the side of it where that along `other` is below `end`.
+fn add_wall(scene: &mut Scene, (axis, at): (usize, f64), (other, end): (usize, f64), color: [f32; 3]) {
+    let third = 3 - axis - other;
+    let corner = |along: f64, across: f64| {
+        let mut corner = DVec3::ZERO;
+        (corner[axis], corner[other], corner[third]) = (at, along, across);
+        corner
+    };
+    let corners = vec![corner(-9.0, -9.0), corner(end, -9.0), corner(end, 9.0), corner(-9.0, 9.0)];
+    let mesh = Mesh::new("wall", corners, vec![[0, 1, 2], [0, 2, 3]]).unwrap();
+    scene.add_holdout(&mesh, color).unwrap();
+}
+
+#[test]
+fn a_holdout_ends_rays_and_is_not_shown() {
+    // Through the middle of the box, on the left side of the view: one sphere is behind it, one before.
+    let mut solids = spheres(&[Vec3::new(-0.5, 0.0, -0.5), Vec3::new(-0.5, 0.7, 0.5)], 0.2, [0.5; 3]);
+    add_wall(&mut solids, (2, 0.0), (0, 0.0), [0.5; 3]);
+    let (medium, lights) = (cube(1.0, 0.0, 0.0), [sky([2.0; 3])]);
+    let mut alone = spheres(&[], 0.2, [0.5; 3]);
+    add_wall(&mut alone, (2, 0.0), (0, 0.0), [0.5; 3]);
+    for pixels in [
+        traced(&medium, &lights, &solids, None, 8),
+        marched(&medium, &lights, &solids, &Settings::default(), 8),
+        traced(&medium, &lights, &alone, None, 8),
+        marched(&medium, &lights, &alone, &Settings::default(), 8),
+    ] {
+        for (row, column, depth) in [(16, 9, 1.0_f32), (16, 22, 2.0)] {
+            let Pixel { scattered, environment, transmittance, .. } = pixels[row * 32 + column];
+            assert!((transmittance - (-depth).exp()).abs().max_element() < 0.01, "{depth}: {transmittance}");
+            assert!((environment - 2.0 * transmittance).abs().max_element() < 1e-5, "{environment}");
+            assert_eq!(scattered, Vec3::ZERO);
+        }
+    }
+    let in_front = 6 * 32 + 9;
+    assert_eq!(
+        marched(&medium, &lights, &solids, &Settings::default(), 8)[in_front].transmittance,
+        Vec3::ZERO
+    );
+    assert!(marched(&medium, &lights, &alone, &Settings::default(), 8)[in_front].transmittance.x > 0.3);
+}
+
+#[test]
+fn a_holdout_keeps_light_off() {
+    // Thin matter below a wall across the light is dark, above it is not.
+    let lights = [Light::Directional(Directional::new(Vec3::NEG_Y, [1.0; 3]).unwrap())];
+    let mut ceiling = spheres(&[], 1.0, [0.0; 3]);
+    add_wall(&mut ceiling, (1, 0.05), (0, 9.0), [0.0; 3]);
+    let lit = |pixels: &[Pixel], row: usize| pixels[row * 32 + 16].scattered.x / (1e-3 / (4.0 * PI));
+    for pixels in [
+        traced(&cube(1e-3, 1.0, 0.0), &lights, &ceiling, Some(1), 32),
+        marched(&cube(1e-3, 1.0, 0.0), &lights, &ceiling, &Settings::default(), 8),
+    ] {
+        assert!(
+            (lit(&pixels, 8) - 2.0).abs() < 0.05 && lit(&pixels, 22) < 0.02,
+            "{} {}",
+            lit(&pixels, 8),
+            lit(&pixels, 22)
+        );
     }
 }
