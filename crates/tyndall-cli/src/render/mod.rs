@@ -79,7 +79,12 @@ pub(crate) fn run(args: &args::Render, report: &Report) -> Outcome<()> {
 
 /// Refuses to measure particles from a center beside what has coordinates of its own.
 fn check_center(args: &args::Render) -> Outcome<()> {
-    let beside = [(!args.layers.sources.is_empty(), "--layer"), (args.shapes.has_meshes(), "--mesh")];
+    let beside = [
+        (!args.layers.sources.is_empty(), "--layer"),
+        (args.shapes.has_meshes(), "--mesh"),
+        (args.shapes.holdout().is_some(), "--holdout"),
+        (args.camera.described().is_some(), "the camera of a stage"),
+    ];
     match beside.into_iter().find(|(is_given, _)| *is_given && args.input.center.is_some()) {
         Some((_, name)) => Err(Failure::Usage(format!(
             "--center measures the particles of one source anew, and {name} would stay where it is — try --look-at X,Y,Z instead of --center"
