@@ -6,6 +6,9 @@
 //! Invariants of [`Particles`]: all columns have the same length, below 2^32; positions are finite; radii are finite and >= 0.
 
 mod bonds;
+mod cell;
+mod positions;
+mod radii;
 mod values;
 
 use std::sync::OnceLock;
@@ -17,208 +20,12 @@ use crate::error::{Error, Result};
 use crate::frozen::Frozen;
 use crate::math::Bounds;
 use bonds::Bonds;
+pub use cell::Cell;
+pub use positions::Positions;
+pub use radii::Radii;
+pub(crate) use radii::is_radius;
+use radii::{radii_by_name, radius_of};
 pub use values::{Attribute, FrozenValues, Values, View};
-
-/// Centers: an origin in double precision, and single-precision offsets from it, one column an axis.
-///
-/// The origin lies near the middle of the data, so that coordinates far from zero (lidar, cosmology) keep their precision.
-#[derive(Clone, Debug, Default)]
-pub struct Positions {
-    origin: Option<DVec3>,
-    offsets: Offsets,
-}
-
-/// The offsets from the origin, one column an axis.
-#[derive(Clone, Debug)]
-enum Offsets {
-    Own([Vec<f32>; 3]),
-    Frozen([Frozen<f32>; 3]),
-}
-
-impl Default for Offsets {
-    fn default() -> Self {
-        Self::Own(Default::default())
-    }
-}
-
-impl Offsets {
-    #[inline(always)]
-    fn column(&self, axis: usize) -> &[f32] {
-        match self {
-            Self::Own(columns) => &columns[axis],
-            Self::Frozen(columns) => &columns[axis],
-        }
-    }
-
-    /// The columns, to be changed: frozen ones are copied first.
-    fn own(&mut self) -> &mut [Vec<f32>; 3] {
-        if let Self::Frozen(columns) = self {
-            *self = Self::Own(columns.each_ref().map(|column| column.to_vec()));
-        }
-        match self {
-            Self::Own(columns) => columns,
-            Self::Frozen(_) => unreachable!("they were copied"),
-        }
-    }
-}
-
-impl Positions {
-    /// No positions yet; the origin will be the middle of the first chunk pushed.
-    pub fn new() -> Self {
-        Self::default()
-    }
-
-    /// No positions yet; the origin is known, usually the middle of the simulation's cell.
-    pub fn around(origin: DVec3) -> Self {
-        Self { origin: Some(origin), ..Self::default() }
-    }
-
-    /// Positions from three columns of offsets from `origin`. Panics if their lengths differ.
-    pub fn from_offsets(origin: DVec3, offsets: [Vec<f32>; 3]) -> Self {
-        assert!(offsets.iter().all(|column| column.len() == offsets[0].len()), "columns of one length");
-        Self { origin: Some(origin), offsets: Offsets::Own(offsets) }
-    }
-
-    /// The same of columns that stay where they are, such as in a mapped file. Panics if their lengths differ.
-    pub fn from_frozen(origin: DVec3, offsets: [Frozen<f32>; 3]) -> Self {
-        assert!(offsets.iter().all(|column| column.len() == offsets[0].len()), "columns of one length");
-        Self { origin: Some(origin), offsets: Offsets::Frozen(offsets) }
-    }
-
-    /// Makes room for `count` more positions in all.
-    pub fn reserve(&mut self, count: usize) {
-        for column in self.offsets.own() {
-            column.reserve(count);
-        }
-    }
-
-    /// Appends a chunk. Chunks of some thousand positions are best: the first one decides the origin if there is none yet.
-    pub fn extend(&mut self, chunk: &[DVec3]) {
-        let origin = *self.origin.get_or_insert_with(|| middle(chunk));
-        for (axis, column) in self.offsets.own().iter_mut().enumerate() {
-            column.extend(chunk.iter().map(|position| (position[axis] - origin[axis]) as f32));
-        }
-    }
-
-    /// How many there are.
-    pub fn len(&self) -> usize {
-        self.offsets.column(0).len()
-    }
-
-    /// Whether there are none.
-    pub fn is_empty(&self) -> bool {
-        self.len() == 0
-    }
-
-    /// The point from which the offsets are measured.
-    pub fn origin(&self) -> DVec3 {
-        self.origin.unwrap_or(DVec3::ZERO)
-    }
-
-    /// The columns of offsets from the origin: x, y, z.
-    #[inline(always)]
-    pub fn offsets(&self) -> [&[f32]; 3] {
-        [0, 1, 2].map(|axis| self.offsets.column(axis))
-    }
-
-    /// The offset of particle `id` from the origin.
-    #[inline(always)]
-    pub fn offset(&self, id: usize) -> Vec3 {
-        let [x, y, z] = self.offsets();
-        Vec3::new(x[id], y[id], z[id])
-    }
-
-    /// The coordinate along `axis` of what lies `offset` from the origin, in the coordinates of its file: of all numbers that are
-    /// stored as this offset the one with the fewest digits, which is what the file says if it says no more than is stored.
-    pub fn decimal(&self, axis: usize, offset: f32) -> f64 {
-        let origin = self.origin()[axis];
-        let exact = origin + f64::from(offset);
-        // Decimals first: a coordinate that is 0 but for rounding has no leading digit to begin with. Adding 0 makes -0 positive.
-        let decimals = (0..if exact.abs() < 1e15 { 17 } else { 0 }).map(|digits| format!("{exact:.digits$}"));
-        let leading = (0..17).map(|digits| format!("{exact:.digits$e}"));
-        let numbers = decimals.chain(leading).filter_map(|text| text.parse().ok());
-        numbers.map(|it: f64| it + 0.0).find(|it| (it - origin) as f32 == offset).unwrap_or(exact)
-    }
-
-    /// The position of particle `id` in the coordinates of its file.
-    pub fn world(&self, id: usize) -> DVec3 {
-        self.origin() + self.offset(id).as_dvec3()
-    }
-}
-
-impl PartialEq for Positions {
-    fn eq(&self, other: &Self) -> bool {
-        self.origin == other.origin && self.offsets() == other.offsets()
-    }
-}
-
-/// The middle of the finite positions; zero if there are none.
-fn middle(chunk: &[DVec3]) -> DVec3 {
-    let mut min = DVec3::INFINITY;
-    let mut max = DVec3::NEG_INFINITY;
-    for position in chunk.iter().filter(|position| position.is_finite()) {
-        min = min.min(*position);
-        max = max.max(*position);
-    }
-    if min.cmple(max).all() { 0.5 * min + 0.5 * max } else { DVec3::ZERO }
-}
-
-/// How large the particles are, in the unit of the positions.
-#[derive(Clone, Debug, PartialEq)]
-pub enum Radii {
-    /// All alike.
-    Uniform(f32),
-    /// By the value of a discrete attribute (integers from 0, or the codes of words): `radii[value]`; values beyond the table
-    /// have its last entry.
-    PerType {
-        /// Which of the particles' attributes holds the type.
-        attribute: usize,
-        /// The radius of each type.
-        radii: Vec<f32>,
-    },
-    /// Each its own: `scale` times the attribute (1/2 where the file holds diameters).
-    PerParticle {
-        /// Which of the particles' attributes holds the size.
-        attribute: usize,
-        /// Radius over attribute.
-        scale: f32,
-    },
-}
-
-/// The simulation's cell.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Cell {
-    /// Its corner.
-    pub origin: DVec3,
-    /// Its edges, from that corner.
-    pub vectors: [DVec3; 3],
-    /// Along which edges it repeats.
-    pub periodic: [bool; 3],
-}
-
-impl Cell {
-    /// The cell's middle.
-    pub fn center(&self) -> DVec3 {
-        self.origin + 0.5 * (self.vectors[0] + self.vectors[1] + self.vectors[2])
-    }
-
-    /// The eight corners.
-    pub fn corners(&self) -> [DVec3; 8] {
-        std::array::from_fn(|corner| {
-            let edges = (0..3).filter(|axis| corner >> axis & 1 == 1).map(|axis| self.vectors[axis]);
-            self.origin + edges.sum::<DVec3>()
-        })
-    }
-
-    /// The twelve edges, from corner to corner, without those that have no length.
-    pub fn edges(&self) -> impl Iterator<Item = [DVec3; 2]> + use<> {
-        let corners = self.corners();
-        let ends = (0..8).flat_map(|corner| (0..3).map(move |axis| (corner, corner | 1 << axis)));
-        ends.filter(|(one, other)| one != other)
-            .map(move |(one, other)| [corners[one], corners[other]])
-            .filter(|[one, other]| one != other)
-    }
-}
 
 /// What a reader hands over: nothing is checked yet.
 #[derive(Clone, Debug, Default)]
@@ -286,10 +93,6 @@ pub struct Particles {
     /// The box of the centers, once it is known.
     bounds: OnceLock<Bounds>,
 }
-
-/// Names that attributes holding a radius have in the files of the known programs, best first, and radius over value.
-const RADIUS_NAMES: [(&str, f32); 6] =
-    [("radius", 1.0), ("R", 1.0), ("pscale", 1.0), ("diameter", 0.5), ("width", 0.5), ("widths", 0.5)];
 
 impl Particles {
     /// Checks the columns and drops, counting, what cannot be drawn.
@@ -470,7 +273,7 @@ impl Particles {
     /// The same particles in the coordinates whose zero is `center` of their own.
     pub(crate) fn seen_from(self, center: DVec3) -> Self {
         let Self { mut positions, cell, .. } = self;
-        positions.origin = Some(positions.origin() - center);
+        positions.measure_from(center);
         let cell = cell.map(|cell| Cell { origin: cell.origin - center, ..cell });
         Self { positions, cell, ..self }
     }
@@ -621,10 +424,7 @@ impl Particles {
 
 /// Leaves those of the particles that are flagged.
 fn retain(positions: &mut Positions, attributes: &mut [Attribute], keep: &[bool]) {
-    for column in positions.offsets.own() {
-        let mut kept = keep.iter();
-        column.retain(|_| *kept.next().expect("one flag a particle"));
-    }
+    positions.retain(keep);
     for attribute in attributes {
         attribute.values.retain(attribute.components, keep);
     }
@@ -641,34 +441,6 @@ fn check_lengths(count: usize, attributes: &[Attribute]) -> Result<()> {
             let wanted = format!("{count} particles need {} values each", attribute.components);
             Err(Error::setting(&attribute.name, attribute.values.len(), wanted))
         }
-    }
-}
-
-/// Whether an attribute of this name may be taken for radii.
-pub(crate) fn is_radius(name: &str) -> bool {
-    RADIUS_NAMES.iter().any(|(known, _)| known.eq_ignore_ascii_case(name))
-}
-
-/// The first attribute that is named like a radius.
-fn radii_by_name(attributes: &[Attribute]) -> Option<Radii> {
-    RADIUS_NAMES.iter().find_map(|&(name, scale)| {
-        // `r` may be red or a distance: a single letter counts only as it is written here.
-        let named =
-            |it: &Attribute| it.name == name || (name.len() > 1 && it.name.eq_ignore_ascii_case(name));
-        let attribute = attributes.iter().position(|it| it.components == 1 && named(it))?;
-        Some(Radii::PerParticle { attribute, scale })
-    })
-}
-
-#[inline(always)]
-fn radius_of(radii: &Radii, attributes: &[Attribute], id: usize) -> f32 {
-    match radii {
-        Radii::Uniform(radius) => *radius,
-        Radii::PerType { attribute, radii } => {
-            let kind = attributes[*attribute].number(id, 0).max(0.0) as usize;
-            radii[kind.min(radii.len() - 1)]
-        }
-        Radii::PerParticle { attribute, scale } => scale * attributes[*attribute].number(id, 0) as f32,
     }
 }
 
