@@ -250,8 +250,8 @@ pub(crate) struct Picture {
     /// Pixels across and down
     #[arg(long, value_name = "WxH", default_value = "1920x1080")]
     pub(crate) size: Size,
-    /// Samples a pixel; with 1 the sample is the pixel's center [default: 128; of headlight, flat and toon 64, with --opacity
-    /// and --shutter 256, of a medium 4]
+    /// Samples a pixel; with 1 the sample is the pixel's center [default: 128; of headlight, flat and toon 64, with --opacity,
+    /// --shutter and --motion-blur 256, of a medium 4]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     pub(crate) samples: Option<u32>,
     /// Adds samples for so long to each picture: 30s, 5m; with --noise 1% until one of both is reached. What a medium is lit by is found before

@@ -9,7 +9,7 @@ use tyndall::scene::light::{Lens, Lights};
 use tyndall::scene::looks::{self, Adjustments};
 use tyndall::scene::short;
 use tyndall::scene::sizes::Size;
-use tyndall::{Error, Result};
+use tyndall::{Error, Particles, Result};
 
 use crate::args::{self, Mode};
 use crate::lights;
@@ -50,10 +50,20 @@ pub(crate) struct Look {
     #[arg(long, value_name = "NUMBER", allow_hyphen_values = true)]
     pub(crate) opacity: Option<String>,
     /// Motion blur: how long the shutter is open around the frame's time, in the file's unit of time. On the CPU, and of 256 samples
-    #[arg(long, value_name = "TIME", allow_hyphen_values = true)]
+    #[arg(long, value_name = "TIME", group = "open-shutter", allow_hyphen_values = true)]
     pub(crate) shutter: Option<f64>,
-    /// The velocity that --shutter moves particles with: an attribute of two or three numbers, or the stem of scalars like vx vy vz
-    #[arg(long, value_name = "NAME", default_value = "v", requires = "shutter")]
+    /// Short for --shutter SHARE/FPS, in seconds: how much of the time from frame to frame, of which there are --fps a second, the shutter is open; 0.5 is half of it, a
+    /// shutter of 180 degrees. For velocities per second: files with times in another unit, or in none, need --shutter
+    #[arg(
+        long,
+        value_name = "SHARE",
+        group = "open-shutter",
+        conflicts_with = "shutter",
+        allow_hyphen_values = true
+    )]
+    pub(crate) motion_blur: Option<f64>,
+    /// The velocity that particles move with while the shutter is open: an attribute of two or three numbers, or the stem of scalars like vx vy vz
+    #[arg(long, value_name = "NAME", default_value = "v", requires = "open-shutter")]
     pub(crate) velocity: String,
     /// Radius of the particles: a number for all, an attribute, or an expression such as diameter/2 or "if(type == 1, 0.5, 1)"
     /// [default: the file's, else by element, else half the usual distance]
@@ -109,7 +119,7 @@ impl Look {
 
     /// The flag for which each sample meets a scene of its own, if one is given.
     pub(crate) fn drawn(&self) -> Option<&'static str> {
-        let shutter = self.shutter.map(|_| "--shutter");
+        let shutter = self.shutter.map(|_| "--shutter").or(self.motion_blur.map(|_| "--motion-blur"));
         self.opacity.as_ref().map(|_| "--opacity").or(shutter)
     }
 
@@ -118,9 +128,35 @@ impl Look {
         self.radius.as_ref().and_then(Size::quantity).into_iter().chain(self.opacity.as_deref())
     }
 
+    /// How long the shutter is open, in the unit of time of `particles`, where there are so many frames a second; none if nothing moves.
+    ///
+    /// Fails with [`Error::Setting`] if that is a share of a time that nobody knows.
+    pub(crate) fn exposure(&self, frames_a_second: f64, particles: &Particles) -> Result<Option<f64>> {
+        let Some(share) = self.motion_blur else { return Ok(self.shutter) };
+        if !(frames_a_second > 0.0 && frames_a_second.is_finite()) {
+            return Err(Error::setting("--fps", frames_a_second, "a number above 0"));
+        }
+        if particles.time().is_some() && particles.time_unit() != Some("s") {
+            let unit =
+                particles.time_unit().map_or("in no unit that is known".into(), |unit| format!("in {unit}"));
+            let allowed = format!(
+                "given where times of the file are {unit}, not in seconds: --shutter TIME says how long"
+            );
+            return Err(Error::setting("--motion-blur", share, allowed));
+        }
+        if !(share >= 0.0 && share.is_finite()) {
+            return Err(Error::setting(
+                "--motion-blur",
+                share,
+                "a share of the time between frames, 0 or more",
+            ));
+        }
+        Ok(Some(share / frames_a_second))
+    }
+
     /// The velocity with which particles move, if they do.
     pub(crate) fn moving(&self) -> Option<&str> {
-        self.shutter.map(|_| self.velocity.as_str())
+        self.shutter.or(self.motion_blur).map(|_| self.velocity.as_str())
     }
 
     /// How many images along each edge, if there are several.

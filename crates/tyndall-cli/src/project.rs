@@ -209,6 +209,7 @@ impl Job<'_> {
             ("--bonds", look.bonds.is_some()),
             ("--opacity", look.opacity.is_some()),
             ("--shutter", look.shutter.is_some()),
+            ("--motion-blur", look.motion_blur.is_some()),
             (self.args.shapes.name().unwrap_or_default(), self.args.shapes.name().is_some()),
             ("--holdout", self.args.shapes.holdout().is_some()),
             ("--aperture", look.aperture.is_some()),

@@ -147,8 +147,9 @@ impl Job<'_> {
         let colors = self.colors(particles, kept.as_ref())?;
         let look = &self.args.look;
         let bonded = look.bonds.map(|which| bonding::find(particles, which, look.bond_radius)).transpose()?;
+        let exposure = look.exposure(self.args.frames.fps, particles)?;
         let moves =
-            look.shutter.map(|exposure| displacements(particles, &look.velocity, exposure)).transpose()?;
+            exposure.map(|exposure| displacements(particles, &look.velocity, exposure)).transpose()?;
         let opacities = look.opacity.as_deref().map(|text| opacities(particles, text)).transpose()?;
         let arrows = self.args.shapes.arrows(spheres)?;
         let (selection, (shown, share)) = match layers.is_empty() {

@@ -202,7 +202,8 @@ impl<'a> Job<'a> {
             return Err(Failure::Usage(text));
         }
         if args.look.moving().is_some() && args.picture.wants_surfaces() {
-            let allowed = "without normal and position with --shutter: what moves has several";
+            let allowed =
+                "without normal and position with --shutter and --motion-blur: what moves has several";
             return Err(Error::setting("--layers", "given", allowed).into());
         }
         if let (Some(wanted), Culling::Confidence(_)) = (beyond, culling) {

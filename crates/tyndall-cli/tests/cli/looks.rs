@@ -213,4 +213,28 @@ fn a_shutter_blurs_what_moves() {
     render("--shutter 0.1 --structure pkd").fails(2, &["--shutter", "bvh"]);
     render("--shutter 0.1 --arrows v").fails(2, &["--shutter", "arrows"]);
     render("--shutter 0.1 --layers normal").fails(2, &["--layers", "--shutter"]);
+    render("--motion-blur 0.5").fails(2, &["--motion-blur", "times of the file", "--shutter TIME"]);
+}
+
+#[test]
+fn motion_blur_is_a_share_of_the_time_between_frames() {
+    let folder = Folder::new();
+    folder.file("a.csv", "x,y,z,vx,vy,vz\n0,0,0,10,0,0\n");
+    let render = |name: &str, rest: &str| {
+        let view =
+            "--radius 0.4 --view -z --ortho 3 --look-at 0,0,0 --look flat --color #fff --background black";
+        folder.render(&format!("a.csv -o {name} {view} {rest}"))
+    };
+    let pixels = |name: &str| png(&folder.path(name)).0;
+    render("a.png", "--shutter 0.02").fine();
+    render("b.png", "--motion-blur 0.5 --fps 25 --velocity v").fine();
+    render("c.png", "--motion-blur 0.25 --fps 25").fine();
+    assert!(pixels("a.png") == pixels("b.png") && pixels("a.png") != pixels("c.png"));
+    render("d.png", "--motion-blur 0.48").fine();
+    assert!(pixels("a.png") == pixels("d.png"), "24 frames a second");
+    render("e.png", "--motion-blur -1").fails(2, &["--motion-blur", "0 or more"]);
+    render("e.png", "--motion-blur 1 --fps 0").fails(2, &["--fps", "above 0"]);
+    render("e.png", "--motion-blur 1 --shutter 1").fails(2, &["--motion-blur", "--shutter"]);
+    render("e.png", "--motion-blur 1 --mode medium").fails(2, &["--motion-blur is for spheres"]);
+    render("e.png", "--velocity v").fails(2, &["--shutter"]);
 }
