@@ -5,24 +5,20 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
-use glam::DVec3;
 use tyndall::film::Window;
-use tyndall::scene::center::Center;
 use tyndall::scene::select::{Clip, Filter};
 use tyndall::scene::sizes::Size as Radius;
-use tyndall::scene::type_elements::TypeElements;
-use tyndall::scene::units::Units;
-use tyndall::scene::viewpoint::Side;
 use tyndall_io::annotation::Frame;
 use tyndall_io::write::{ImageOptions, movie};
 
 use crate::annotate::Annotate;
 use crate::bench_culling::CullingBench;
-use crate::camera::CameraSpec;
+use crate::camera::CameraArgs;
 use crate::culling::CullingArgs;
 use crate::cut::Cut;
 use crate::device::Choice;
 use crate::illustrate::Illustrate;
+use crate::input::args::Input;
 use crate::layers::{Layer, Named};
 use crate::looks::Look;
 use crate::medium::args::{Density, Medium};
@@ -30,7 +26,7 @@ use crate::output::{EncoderName, Pattern};
 use crate::project::Project;
 use crate::scene::Origin;
 use crate::shapes::Shapes;
-use crate::values::{Background, Degrees, Ortho, Size, Slice, count, direction, length, point};
+use crate::values::{Background, Degrees, Size, Slice, count, length};
 
 /// Particle files to pictures: exact spheres, at any count.
 #[derive(Parser)]
@@ -106,102 +102,6 @@ pub(crate) struct Common {
     /// Threads to work with [default: all cores]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..), help_heading = None)]
     pub(crate) threads: Option<u16>,
-}
-
-/// Files, and how to read them.
-#[derive(Args)]
-#[command(next_help_heading = "Reading")]
-pub(crate) struct Input {
-    /// Files, as one sequence in this order; in quotes also patterns: 'run.*.dump', or 'spray.####.prt', %04d and $F4, whose numbers
-    /// are then those of --frame and --frames; 'dump.%' for the pieces of frames that LAMMPS wrote with several processors, also
-    /// 'dump.*.%'; or synthetic:NAME?n=COUNT. A file with names before files that have coordinates
-    /// only (XTC, TRR, DCD, AMBER NetCDF) names their particles: topol.gro traj.xtc. To render also a scene file (.toml), which says what is not
-    /// said here: see docs/scenes.md
-    #[arg(required = true, value_name = "FILE", help_heading = None)]
-    pub(crate) files: Vec<PathBuf>,
-    /// The numbers of the files, if a pattern with a number named them: see [`crate::names`].
-    #[arg(skip)]
-    pub(crate) numbers: Option<Vec<usize>>,
-    // The help names what the readers know.
-    #[arg(long, value_name = "NAME", help = format!("Format, instead of recognising it: {}", tyndall_io::read::format_names().join(" ")))]
-    pub(crate) format: Option<String>,
-    /// Names of the columns of a table, in order: id,type,x,y,z
-    #[arg(long, value_name = "NAMES", value_delimiter = ',')]
-    pub(crate) columns: Option<Vec<String>>,
-    /// Whether a LAMMPS dump's coordinates are fractions of its cell [default: as its columns are called]
-    #[arg(long, value_name = "KIND")]
-    pub(crate) coords: Option<Coords>,
-    /// Element of each type, where the file has types alone: symbols in the order of the types 1, 2, ..., Cu,Zr, as of LAMMPS' dump_modify
-    /// element (of HOOMD's typeid, which counts from 0, in the order of 0, 1, ...), or pairs by number or name: 1=Cu,4=Zr or A=Cu. It counts before elements
-    /// that the file says; types that are not named keep these, or have none
-    #[arg(long, value_name = "SYMBOLS")]
-    pub(crate) elements: Option<TypeElements>,
-    /// Units of a file that does not say them: a unit of length (Å or A, nm, pm, um, mm, cm, m, km, Bohr, au, pc, kpc, Mpc, ckpc/h) or a style of LAMMPS (lj real metal si
-    /// cgs electron micro nano), which tells those of times and velocities, too. It counts before what the file says; numbers stay as they are
-    #[arg(long, value_name = "NAME")]
-    pub(crate) units: Option<Units>,
-    /// GROMACS index file for a trajectory that holds some of the particles of the file with names before it: conf.gro traj.xtc --index protein.ndx, or protein.ndx:GROUP for the
-    /// group of that name or number from 0 [default: the only group, else the one that has as many]
-    #[arg(long, value_name = "FILE")]
-    pub(crate) index: Option<PathBuf>,
-    /// Biological assembly to make of a PDB, mmCIF, BinaryCIF or MMTF file: its number, or all [default: the atoms of the file]
-    #[arg(long, value_name = "NUMBER")]
-    pub(crate) assembly: Option<String>,
-    /// Types of particles to read from a snapshot (Gadget, TIPSY, HDF5), by name or number: gas,star or 0,4 [default: all]
-    #[arg(long = "type", value_name = "TYPES", value_delimiter = ',')]
-    pub(crate) types: Option<Vec<String>>,
-    /// Data set of an HDF5 file that has the positions, group of particles of an H5MD file, or grid of an OpenVDB file, where there are several
-    #[arg(long, value_name = "PATH")]
-    pub(crate) dataset: Option<String>,
-    /// Where particles of a periodic box are put
-    #[arg(long, value_name = "WHAT", default_value = "none")]
-    pub(crate) wrap: Wrap,
-    /// Puts particles where they came to, by the file's image flags (ix iy iz)
-    #[arg(long, conflicts_with = "wrap")]
-    pub(crate) unwrap: bool,
-    /// Measures coordinates from there, in every frame: X,Y,Z, densest (the densest place), or the middle of what a condition is true for, such as
-    /// 'id == 12' or "element == Fe". Periodic boxes are put around it, and the camera looks at it; --clip, --select, --eye and others mean these coordinates
-    #[arg(long, value_name = "WHERE", allow_hyphen_values = true)]
-    pub(crate) center: Option<Center>,
-    /// Fails on a truncated file, instead of reading its whole frames
-    #[arg(long)]
-    pub(crate) strict: bool,
-    /// Looks for the frames of a long text anew, and does not keep where they are; else that is kept in the cache folder, until the file changes
-    #[arg(long)]
-    pub(crate) no_index: bool,
-    /// What to do with particles that cannot be drawn (NaN positions, negative radii)
-    #[arg(long, value_name = "WHAT", default_value = "drop")]
-    pub(crate) on_bad: OnBad,
-}
-
-/// What the coordinates of a dump are.
-#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub(crate) enum Coords {
-    /// Positions as they are
-    Real,
-    /// Fractions of the cell
-    Scaled,
-}
-
-/// Where particles of a periodic box are put.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
-pub(crate) enum Wrap {
-    /// Where the file says
-    #[default]
-    None,
-    /// Each into the cell
-    Atoms,
-    /// Molecules whole (by mol, else residues and chains of them), their middle in the cell
-    Molecules,
-}
-
-/// What to do with bad particles.
-#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub(crate) enum OnBad {
-    /// Leave them out and say how many
-    Drop,
-    /// Stop
-    Error,
 }
 
 #[derive(Args)]
@@ -395,58 +295,6 @@ pub(crate) struct Frames {
     /// Keeps the color range of the first frame, with --frame-sequence that of all
     #[arg(long)]
     pub(crate) fixed_range: bool,
-}
-
-/// Where the camera is.
-#[derive(Args)]
-#[command(next_help_heading = "Camera")]
-pub(crate) struct CameraArgs {
-    /// Side to look from: x y z -x -y -z iso [default: from (2, 1.3, 1)]
-    #[arg(
-        long,
-        visible_alias = "axis",
-        value_name = "SIDE",
-        allow_hyphen_values = true,
-        conflicts_with = "eye"
-    )]
-    pub(crate) view: Option<Side>,
-    /// Where the camera stands, in the file's coordinates
-    #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, value_parser = point)]
-    pub(crate) eye: Option<DVec3>,
-    /// What it looks at [default: the middle of the particles]
-    #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, value_parser = point)]
-    pub(crate) look_at: Option<DVec3>,
-    /// Which direction is up in the picture: an axis, such as y or -z, or X,Y,Z [default: z]
-    #[arg(long, value_name = "AXIS", allow_hyphen_values = true, value_parser = direction)]
-    pub(crate) up: Option<DVec3>,
-    /// A camera: 'at=48 eye=1,2,3 look-at=0,0,0 up=0,0,1 fov=30' or 'ortho=10' for fov, 'move=straight' for a straight way to the next; what is left out
-    /// is as without. May be repeated: with at=PICTURE the camera moves from one to the next, without each is a picture of its own. Or the camera of a USD stage in text
-    /// form, shot.usda:/world/cam, or shot.usda if it has only one, in the particles' coordinates: at the time code that is the number in a file's name, else the
-    /// frame's, counted from startTimeCode. Its horizontal aperture is the picture's width; clippingRange is not used, nor fStop but where a look is traced
-    #[arg(long = "camera", value_name = "KEY|STAGE", allow_hyphen_values = true)]
-    pub(crate) cameras: Vec<CameraSpec>,
-    /// Vertical angle of view, in degrees [default: 35]
-    #[arg(long, value_name = "DEGREES", conflicts_with = "ortho", allow_hyphen_values = true)]
-    pub(crate) fov: Option<Degrees>,
-    /// Horizontal angle of view, in degrees
-    #[arg(long, value_name = "DEGREES", conflicts_with_all = ["ortho", "fov"], allow_hyphen_values = true)]
-    pub(crate) horizontal_fov: Option<Degrees>,
-    /// Parallel rays; the height of what the picture shows, or auto
-    #[arg(long, value_name = "HEIGHT", allow_hyphen_values = true)]
-    pub(crate) ortho: Option<Ortho>,
-    /// All around the eye (equirectangular): twice as wide as high shows everything. Without --eye from the middle of the particles
-    #[arg(long, conflicts_with_all = ["ortho", "fov", "horizontal_fov"])]
-    pub(crate) panorama: bool,
-    /// Frames far outliers too
-    #[arg(long)]
-    pub(crate) frame_all: bool,
-    /// Frames what --filter, --select, --clip and --cut leave of the first frame, instead of all particles; media and maps frame what is kept in any case
-    #[arg(long)]
-    pub(crate) frame_shown: bool,
-    /// Frames what a sequence shows from its first frame to its last, instead of the first of its pictures: looks at up to 16 frames beforehand. With --fixed-range colors
-    /// have the range of these, too (of maps that of the first picture)
-    #[arg(long)]
-    pub(crate) frame_sequence: bool,
 }
 
 /// Which particles are shown; the others cast no shadow either. Camera and colors are those of all, unless --frame-shown moves the camera.

@@ -1,16 +1,71 @@
-//! `--camera`: a key of a camera that moves, or the camera of a USD stage.
+//! Where the camera is: flags, keys of a camera that moves, and the camera of a USD stage.
 
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
+use clap::Args;
+use glam::DVec3;
 use tyndall::Error;
 use tyndall::scene::camera::Camera;
 use tyndall::scene::camera_path::Key;
 use tyndall::scene::outline::Outline;
+use tyndall::scene::viewpoint::Side;
 use tyndall_io::read::{TimeCode, UsdCamera, usd_cameras};
 
-use crate::args::CameraArgs;
 use crate::report::{Failure, Outcome};
+use crate::values::{Degrees, Ortho, direction, point};
+
+/// Where the camera is.
+#[derive(Args)]
+#[command(next_help_heading = "Camera")]
+pub(crate) struct CameraArgs {
+    /// Side to look from: x y z -x -y -z iso [default: from (2, 1.3, 1)]
+    #[arg(
+        long,
+        visible_alias = "axis",
+        value_name = "SIDE",
+        allow_hyphen_values = true,
+        conflicts_with = "eye"
+    )]
+    pub(crate) view: Option<Side>,
+    /// Where the camera stands, in the file's coordinates
+    #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, value_parser = point)]
+    pub(crate) eye: Option<DVec3>,
+    /// What it looks at [default: the middle of the particles]
+    #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, value_parser = point)]
+    pub(crate) look_at: Option<DVec3>,
+    /// Which direction is up in the picture: an axis, such as y or -z, or X,Y,Z [default: z]
+    #[arg(long, value_name = "AXIS", allow_hyphen_values = true, value_parser = direction)]
+    pub(crate) up: Option<DVec3>,
+    /// A camera: 'at=48 eye=1,2,3 look-at=0,0,0 up=0,0,1 fov=30' or 'ortho=10' for fov, 'move=straight' for a straight way to the next; what is left out
+    /// is as without. May be repeated: with at=PICTURE the camera moves from one to the next, without each is a picture of its own. Or the camera of a USD stage in text
+    /// form, shot.usda:/world/cam, or shot.usda if it has only one, in the particles' coordinates: at the time code that is the number in a file's name, else the
+    /// frame's, counted from startTimeCode. Its horizontal aperture is the picture's width; clippingRange is not used, nor fStop but where a look is traced
+    #[arg(long = "camera", value_name = "KEY|STAGE", allow_hyphen_values = true)]
+    pub(crate) cameras: Vec<CameraSpec>,
+    /// Vertical angle of view, in degrees [default: 35]
+    #[arg(long, value_name = "DEGREES", conflicts_with = "ortho", allow_hyphen_values = true)]
+    pub(crate) fov: Option<Degrees>,
+    /// Horizontal angle of view, in degrees
+    #[arg(long, value_name = "DEGREES", conflicts_with_all = ["ortho", "fov"], allow_hyphen_values = true)]
+    pub(crate) horizontal_fov: Option<Degrees>,
+    /// Parallel rays; the height of what the picture shows, or auto
+    #[arg(long, value_name = "HEIGHT", allow_hyphen_values = true)]
+    pub(crate) ortho: Option<Ortho>,
+    /// All around the eye (equirectangular): twice as wide as high shows everything. Without --eye from the middle of the particles
+    #[arg(long, conflicts_with_all = ["ortho", "fov", "horizontal_fov"])]
+    pub(crate) panorama: bool,
+    /// Frames far outliers too
+    #[arg(long)]
+    pub(crate) frame_all: bool,
+    /// Frames what --filter, --select, --clip and --cut leave of the first frame, instead of all particles; media and maps frame what is kept in any case
+    #[arg(long)]
+    pub(crate) frame_shown: bool,
+    /// Frames what a sequence shows from its first frame to its last, instead of the first of its pictures: looks at up to 16 frames beforehand. With --fixed-range colors
+    /// have the range of these, too (of maps that of the first picture)
+    #[arg(long)]
+    pub(crate) frame_sequence: bool,
+}
 
 /// One value of `--camera`.
 #[derive(Clone, Debug, PartialEq)]

@@ -1,5 +1,7 @@
 //! Opening what the command line names, and reading a frame of it with what is to be said about it.
 
+pub(crate) mod args;
+
 use std::path::{Path, PathBuf};
 
 use tyndall::periodic::{self, Placement};
@@ -12,8 +14,8 @@ use tyndall::{Error, Particles, synthetic};
 use tyndall_io::{Frame, Options, Sequence, saved};
 
 use crate::ahead::Ahead;
-use crate::args::{Coords, Input, OnBad, Wrap};
 use crate::report::{Outcome, Report};
+use args::{Coords, Input, OnBad, Wrap};
 
 /// Opens the files as one sequence. Of their attributes only those that are wanted need be read: all if nothing is said.
 pub(crate) fn open(input: &Input, wanted: Option<Wanted>, report: &Report) -> Outcome<Sequence> {

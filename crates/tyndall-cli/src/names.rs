@@ -12,7 +12,7 @@ use tyndall::{Error, Result};
 use tyndall_io::read::TimeCode;
 use tyndall_io::sequence::is_in_pieces;
 
-use crate::args::Input;
+use crate::input::args::Input;
 use crate::output::Pattern;
 use crate::report::{Failure, Outcome};
 use crate::values::{Slice, frame as frame_number};

@@ -9,7 +9,8 @@ use tyndall::{DVec3, Error, Particles, Result, Source, Vec3};
 use tyndall_io::{Parts, Sequence};
 
 use super::emission::EmissionSpec;
-use crate::args::{Input, Selection};
+use crate::args::Selection;
+use crate::input::args::Input;
 use crate::report::{Outcome, Report};
 use crate::{dry_run, input, selection};
 

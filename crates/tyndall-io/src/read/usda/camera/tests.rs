@@ -12,7 +12,7 @@ fn fault(text: &str, prim: &str) -> String {
 
 #[test]
 fn cameras_stand_where_openusd_puts_them() {
-    // Time code, eye, line of sight, up and horizontal angle of view, as `UsdGeomCamera::GetCamera` of OpenUSD 25 has them.
+    // Time code, eye, line of sight, up and horizontal angle of view, as `UsdGeomCamera::GetCamera` of OpenUSD 26.11 has them.
     type Row = (f64, [f64; 3], [f64; 3], [f64; 3], f64);
     let rig: [Row; 6] = [
         (
