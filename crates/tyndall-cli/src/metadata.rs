@@ -9,6 +9,7 @@ use tyndall_io::Sequence;
 
 use crate::args::Render;
 use crate::culling;
+use crate::medium::values::LightSpec;
 use crate::plan::Picture;
 
 /// Keys and texts of the pictures of a frame.
@@ -51,10 +52,7 @@ pub(crate) fn software() -> String {
 }
 
 fn common(args: &Render, paths: &[&Path], settings: &Settings, guesses: &[String]) -> Vec<(String, String)> {
-    // Other layers read others, and so does a camera.
-    let stage = args.camera.stage().ok().flatten().map(|stage| &stage.file);
-    let others =
-        args.origin.files.iter().chain(stage).map(PathBuf::as_path).filter(|path| !paths.contains(path));
+    let others = beside(args).filter(|path| !paths.contains(path));
     let inputs: Vec<String> = paths.iter().copied().chain(others).map(input).collect();
     let Settings { width, height, samples, seed, culling } = settings;
     let culling = culling::description(culling);
@@ -68,6 +66,17 @@ fn common(args: &Render, paths: &[&Path], settings: &Settings, guesses: &[String
         ("Guesses", guesses.join("\n")),
     ];
     entries.into_iter().map(|(key, text)| (key.to_string(), text)).collect()
+}
+
+/// Files that a picture reads beside its particles or grids: of scene files and layers, of the camera, lights and meshes.
+fn beside(args: &Render) -> impl Iterator<Item = &Path> {
+    let stage = args.camera.stage().ok().flatten().map(|stage| &stage.file);
+    let images = args.medium.lights.iter().filter_map(|light| match light {
+        LightSpec::Image(_, file) => Some(file),
+        _ => None,
+    });
+    let all = args.origin.files.iter().chain(stage).chain(images).chain(args.shapes.files());
+    all.map(PathBuf::as_path)
 }
 
 /// The command line, quoted so that a shell reads it as it was.

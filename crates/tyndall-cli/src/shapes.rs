@@ -80,6 +80,11 @@ const ROD_COLOR: [u8; 3] = [0x50; 3];
 const MESH_COLOR: [u8; 3] = [0xb8; 3];
 
 impl Shapes {
+    /// The files of meshes.
+    pub(crate) fn files(&self) -> impl Iterator<Item = &PathBuf> {
+        self.mesh.iter().chain(&self.holdout)
+    }
+
     /// Whether there are meshes.
     pub(crate) fn has_meshes(&self) -> bool {
         !self.mesh.is_empty()

@@ -288,6 +288,8 @@ fn holdouts_end_media_and_what_is_in_them() {
         assert!(share[0] > 0.3 && share[0] < 0.9, "half of the cloud is left: {share:?}");
         assert!((share[1] - 1.0).abs() < 0.05, "{share:?}");
     }
+    let (_, _, texts) = png(&folder.path("a.png"));
+    assert!(texts.iter().any(|(key, text)| key == "Inputs" && text.contains("wall.obj (")), "{texts:?}");
     // A sphere behind it, whichever is named first, is not shown.
     let sphere = "ball.xyz --radius 0.35 --color red";
     let of_picture: Vec<&str> = words.split(' ').chain(["--holdout", "wall.obj"]).collect();
