@@ -163,7 +163,7 @@ fn what_cannot_be_annotated_is_refused_before_the_work() {
         ("--time-label {step}", &["--time-label", "{time:.2}"]),
         ("--missing gry", &["--missing", "did you mean 'gray'"]),
         ("--font a.xyz --title x", &["--font", "TrueType"]),
-        ("--mode medium --bar", &["--bar is for spheres"]),
+        ("--mode medium --bar", &["--bar is for colors that stand for numbers"]),
     ] {
         folder.render(&format!("a.xyz -o a.png --device cpu {words}")).fails(2, parts);
     }
