@@ -297,7 +297,7 @@ impl Job<'_> {
         let mut sorted = lengths.to_vec();
         let middle = sorted.len() / 2;
         let usual = *sorted.select_nth_unstable_by(middle, f32::total_cmp).1;
-        let (outline, framed) = survey::joined(self.outline(particles, usual), surveyed, usual.into());
+        let (outline, framed) = survey::framed(self.outline(particles, usual), surveyed, usual.into());
         let [width, height] = self.args.picture.pixels().map(f64::from);
         let camera = self.viewpoint.camera(&outline, width / height);
         let given = self.viewpoint.eye.map(|_| "camera given".into());

@@ -33,21 +33,16 @@ pub(crate) fn read(sequence: &Sequence, number: usize, args: &Render, report: &R
     Ok(input::place(frame, &args.input)?.0)
 }
 
-/// The outline of a picture's frame, and how it is framed, with those of the centers in the frames that stand for the sequence, around which there is that radius.
-pub(crate) fn joined(
-    (outline, framed): (Outline, String),
-    surveyed: &[Outline],
-    radius: f64,
-) -> (Outline, String) {
+/// What is framed, and how that was found: of a picture's frame, or of the centers in the frames that stand for the sequence, around which there is that radius.
+pub(crate) fn framed(own: (Outline, String), surveyed: &[Outline], radius: f64) -> (Outline, String) {
     if surveyed.is_empty() {
-        return (outline, framed);
+        return own;
     }
-    let others = surveyed.iter().map(|it| it.grown(radius));
-    let all: Vec<Outline> = std::iter::once(outline).chain(others).collect();
-    (Outline::joined(&all), "framed on the whole sequence".into())
+    let grown: Vec<Outline> = surveyed.iter().map(|it| it.grown(radius)).collect();
+    (Outline::joined(&grown), "framed on the whole sequence".into())
 }
 
-/// Warns of a frame of which much is out of view of a camera that another one was framed with.
+/// Warns of a frame of which much is out of view of a camera that was framed on all of another one.
 pub(crate) fn warn(args: &Render, particles: &Particles, camera: &Camera, report: &Report) -> Outcome<()> {
     let said = &args.camera;
     let is_framed = said.eye.is_none()
@@ -55,7 +50,7 @@ pub(crate) fn warn(args: &Render, particles: &Particles, camera: &Camera, report
         && said.cameras.is_empty()
         && said.ortho.is_none_or(|ortho| ortho.0.is_none())
         && args.input.center.is_none();
-    if !is_framed || said.frame_sequence {
+    if !is_framed || said.frame_shown || said.frame_sequence {
         return Ok(());
     }
     let [width, height] = args.picture.pixels();

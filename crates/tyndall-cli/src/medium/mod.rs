@@ -433,7 +433,7 @@ impl Job<'_> {
 
         let viewpoint = render::viewpoint(self.args)?;
         let radius = 2.0 * f64::from(medium.density().spacing());
-        let (outline, framed) = survey::joined(self.outline(&medium, particles), surveyed, radius);
+        let (outline, framed) = survey::framed(self.outline(&medium, particles), surveyed, radius);
         let (outline, framed) = match bodies {
             None => (outline, framed),
             Some(bodies) if bodies.outlines.is_empty() => {

@@ -110,7 +110,7 @@ impl Job<'_> {
         let guessed = guesses.filter(|_| spheres.radius_scale == 1.0);
         let shown = guessed.map_or_else(|| Shown::of(spheres, outliers), |it| it.shown(outliers).clone());
         let Shown { framing, outline } = shown;
-        let outline = self.with_surveyed(outline);
+        let outline = self.framed(outline);
         let outline = replicas.map_or_else(|| outline.clone(), |replicas| outline.replicated(replicas));
         let others = layers.iter().map(|layer| layer.outline.clone());
         let outline = Outline::joined(&std::iter::once(outline).chain(others).collect::<Vec<_>>());
@@ -140,10 +140,12 @@ impl Job<'_> {
         (camera, outline, framing.description)
     }
 
-    /// The outline with those of the frames that stand for the sequence.
-    fn with_surveyed(&self, outline: Outline) -> Outline {
-        let others = self.surveyed.outlines.iter().cloned();
-        Outline::joined(&std::iter::once(outline).chain(others).collect::<Vec<_>>())
+    /// What is framed: of the frames that stand for the sequence, if that is asked for, else of this one.
+    fn framed(&self, own: Outline) -> Outline {
+        match &self.surveyed.outlines[..] {
+            [] => own,
+            surveyed => Outline::joined(surveyed),
+        }
     }
 
     /// The camera that frames what a scene shows, and the outline of that; none if nothing is shown. `around` are radii of the spheres around other shapes that stand in
@@ -155,7 +157,7 @@ impl Job<'_> {
             _ => 0.0,
         };
         let (Shown { framing, outline }, particles) = Shown::of_scene(scene, least_radius, outliers)?;
-        let outline = self.with_surveyed(outline);
+        let outline = self.framed(outline);
         let Settings { width, height, .. } = self.settings;
         let camera = self.viewpoint.camera(&outline, f64::from(width) / f64::from(height));
         if let Some(warning) = framing.warning.filter(|_| self.viewpoint.eye.is_none()) {

@@ -569,18 +569,23 @@ fn a_sequence_is_framed_on_its_first_frame_or_on_all() {
     let warning = "warning: later frames reach out of the picture, which is framed on the first one (--frame-sequence to see all)";
     let said = folder.render(&format!("a.xyz -o a.%d.png {view}")).err;
     assert_eq!(said.matches(warning).count(), 1, "{said}");
-    for quiet in ["--eye 40,0,0", "--look-at 1,0,0", "--ortho 2", "--frames 0"] {
+    for quiet in
+        ["--frame-shown --select index<1", "--eye 40,0,0", "--look-at 1,0,0", "--ortho 2", "--frames 0"]
+    {
         let said = folder.render(&format!("a.xyz -o quiet.%d.png {view} {quiet}")).err;
         assert!(!said.contains("reach out"), "{said}");
     }
     // What is largest comes last, so that the frame of all is that of the last, whichever frames are asked for.
     folder.render(&format!("last.xyz -o last.png {view} --frame-all")).fine();
     let last = png(&folder.path("last.png")).0;
+    let mut whole = Vec::new();
     for frames in ["", "--frames 2:", "--frame-shown", "--structure pkd"] {
         let line = format!("a.xyz -o b.%d.png {view} --frame-sequence --range 0:35 {frames}");
         let said = folder.render(&line).fine();
         assert!(said.contains("framed on the whole sequence"), "{said}");
+        whole.push(png(&folder.path("b.2.png")).0);
     }
+    assert!(whole.iter().all(|it| *it == whole[0]), "the runs agree");
     let said = folder.render(&format!("a.xyz -o b.%d.png {view} --frame-sequence --fixed-range")).fine();
     assert!(said.contains("(of the whole sequence)"), "{said}");
     let found = png(&folder.path("b.2.png")).0;
