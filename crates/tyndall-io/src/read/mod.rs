@@ -378,7 +378,7 @@ pub(crate) const FORMATS: &[Format] = &[
         title: "PQR",
         recognise: pqr::recognise,
         features: &[],
-        open: Open::Whole(pqr::read),
+        open: Open::Binary { index: pqr::index, frame: pqr::frame },
     },
     Format {
         names: &["pdb"],

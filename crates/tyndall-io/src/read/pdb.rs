@@ -30,9 +30,7 @@ const FIRST: [&[u8]; 18] = [
 
 /// Whether the file begins like PDB: with one of its records, and with an atom in its columns if one is near.
 pub(crate) fn recognise(head: &[u8]) -> bool {
-    let mut lines = super::whole_lines(head).skip_while(|line| line.is_empty());
-    let Some(first) = lines.next() else { return false };
-    let begins = FIRST.iter().any(|it| first.starts_with(it) || first == it.trim_ascii_end());
+    let mut lines = super::whole_lines(head).skip_while(|line| line.is_empty()).skip(1);
     let atom = super::whole_lines(head).find(|line| is_atom(line));
     // A word such as TITLE may also head a table: without an atom there has to be a second record.
     let second = || {
@@ -40,7 +38,13 @@ pub(crate) fn recognise(head: &[u8]) -> bool {
             .next()
             .is_some_and(|line| line.len() >= 6 && line[..6].iter().all(|it| !it.is_ascii_lowercase()))
     };
-    begins && super::is_text(head) && atom.map_or_else(second, |line| position(line).is_some())
+    begins(head) && super::is_text(head) && atom.map_or_else(second, |line| position(line).is_some())
+}
+
+/// Whether the first line is one of its records.
+pub(super) fn begins(head: &[u8]) -> bool {
+    let first = super::whole_lines(head).find(|line| !line.is_empty());
+    first.is_some_and(|first| FIRST.iter().any(|it| first.starts_with(it) || first == it.trim_ascii_end()))
 }
 
 fn is_atom(line: &[u8]) -> bool {

@@ -76,6 +76,8 @@ def text():
     write("protein.pdb", "HEADER    TEST\nREMARK 350 BIOMOLECULE: 1\nREMARK 350 APPLY THE FOLLOWING TO CHAINS: A, B\n" + biomt
           + "CRYST1   10.000   10.000   10.000  90.00  90.00  90.00 P 1           1\nMODEL        1\n" + atoms
           + "ENDMDL\nMODEL        2\n" + atoms + "ENDMDL\nEND\n")
+    charged = lines([(*atom(k)[:-1], k / 10 - 1, 1 + k / 16) for k in range(COUNT)], "{}{:5d}  {:<3} {} {}{:4d}    {:8.3f}{:8.3f}{:8.3f} {:7.4f} {:6.4f}")
+    write("charges.pqr", "REMARK   1 charges and radii\n" + charged + "TER\nEND\n")
     keys = "group_PDB id type_symbol label_atom_id label_comp_id label_asym_id label_seq_id Cartn_x Cartn_y Cartn_z pdbx_PDB_model_num".split()
     write("protein.cif", "data_TEST\n_cell.length_a 10.0\n_cell.length_b 10.0\n_cell.length_c 10.0\n"
           "_cell.angle_alpha 90\n_cell.angle_beta 90\n_cell.angle_gamma 90\nloop_\n" + "".join(f"_atom_site.{key}\n" for key in keys)
