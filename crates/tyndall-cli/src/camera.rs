@@ -6,6 +6,7 @@ use std::str::FromStr;
 use clap::Args;
 use glam::DVec3;
 use tyndall::Error;
+use tyndall::scene::automatic::Outliers;
 use tyndall::scene::camera::Camera;
 use tyndall::scene::camera_path::Key;
 use tyndall::scene::outline::Outline;
@@ -120,6 +121,11 @@ pub(crate) fn with_file(text: &str, place: impl Fn(&Path) -> String) -> String {
 }
 
 impl CameraArgs {
+    /// Whether far outliers are framed.
+    pub(crate) fn outliers(&self) -> Outliers {
+        if self.frame_all { Outliers::Shown } else { Outliers::Left }
+    }
+
     /// The keys that are given.
     pub(crate) fn keys(&self) -> Vec<Key> {
         let key = |spec: &CameraSpec| match spec {

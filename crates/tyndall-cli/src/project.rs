@@ -10,7 +10,7 @@ use clap::Args;
 use tyndall::medium::density;
 use tyndall::particles::{Particles, Radii};
 use tyndall::render::project::{Carried, Map, project};
-use tyndall::scene::automatic::{Outliers, framing_of};
+use tyndall::scene::automatic::framing_of;
 use tyndall::scene::camera::{Camera, View};
 use tyndall::scene::color::{Key, Legend, Scale};
 use tyndall::scene::coloring::{Mapping, Norm, Range};
@@ -308,7 +308,7 @@ impl Job<'_> {
     /// What is framed of particles of that radius, and how it was found.
     fn outline(&self, particles: &Particles, radius: f32) -> (Outline, String) {
         let spheres = Spheres { particles, radii: &Radii::Uniform(radius), radius_scale: 1.0 };
-        let outliers = if self.args.camera.frame_all { Outliers::Shown } else { Outliers::Left };
+        let outliers = self.args.camera.outliers();
         let framing = framing_of(spheres, outliers);
         (Outline::of(spheres, &framing), framing.description)
     }

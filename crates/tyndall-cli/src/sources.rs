@@ -1,7 +1,6 @@
 //! `--layer`: particles beside those of the command line in the same picture, each with colors, radii and choice of its own.
 
 use tyndall::particles::{Particles, Radii};
-use tyndall::scene::automatic::Outliers;
 use tyndall::scene::bonding::{self, Bonded};
 use tyndall::scene::color::{ParticleColors, resolve};
 use tyndall::scene::coloring::{Mapping, Norm, Range};
@@ -85,13 +84,7 @@ impl<'a> Sources<'a> {
             let wanted = Wanted {
                 coloring: look.color.clone(),
                 filters: args.selection.all_filters(),
-                quantities: look
-                    .radius
-                    .as_ref()
-                    .and_then(Size::quantity)
-                    .map(String::from)
-                    .into_iter()
-                    .collect(),
+                quantities: look.quantities().map(String::from).collect(),
                 radii: look.radius.is_none() || look.bonds.is_some(),
                 ..Wanted::default()
             };
@@ -150,7 +143,7 @@ impl Source<'_> {
         let (glow, glowing) = emission::of_spheres(self.args, &particles)?.unzip();
         let (shown, share) = selection::shown(selection, &particles)?;
         let spheres = Spheres { particles: &particles, radii: &radii, radius_scale: look.radius_scale };
-        let outliers = if self.args.camera.frame_all { Outliers::Shown } else { Outliers::Left };
+        let outliers = self.args.camera.outliers();
         let Shown { outline, .. } = Shown::of(spheres, outliers);
 
         let name = self.sequence.name(number);

@@ -30,16 +30,8 @@ impl FromStr for Size {
 
 /// Reads `X,Y,Z`.
 pub(crate) fn point(text: &str) -> Result<DVec3> {
-    let numbers: Option<Vec<f64>> =
-        text.split(',').map(|part| part.trim().parse().ok().filter(|it: &f64| it.is_finite())).collect();
-    match numbers.as_deref() {
-        Some([x, y, z]) => Ok(DVec3::new(*x, *y, *z)),
-        _ => Err(Error::setting(
-            "a point or direction",
-            text,
-            "three numbers X,Y,Z with commas and without spaces",
-        )),
-    }
+    let allowed = "three numbers X,Y,Z with commas and without spaces";
+    viewpoint::point(text).ok_or_else(|| Error::setting("a point or direction", text, allowed))
 }
 
 /// Reads `X,Y,Z`, or an axis.

@@ -7,7 +7,6 @@ use std::time::Instant;
 use tyndall::medium::noise::advection::Advection;
 use tyndall::medium::{Medium, density};
 use tyndall::particles::{Particles, Radii};
-use tyndall::scene::automatic::Outliers;
 use tyndall::scene::color::Legend;
 use tyndall::scene::guesses::Shown;
 use tyndall::scene::outline::Outline;
@@ -165,7 +164,7 @@ impl Job<'_> {
             let read = || survey::read(sequence, number, self.args, self.report);
             let Selected { particles, .. } = self.selected(sequence, number, None, read)?;
             let spheres = Spheres { particles: &particles, radii: &Radii::Uniform(0.0), radius_scale: 1.0 };
-            let outliers = if self.args.camera.frame_all { Outliers::Shown } else { Outliers::Left };
+            let outliers = self.args.camera.outliers();
             Ok(Shown::of(spheres, outliers).outline)
         })
     }

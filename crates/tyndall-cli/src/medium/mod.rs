@@ -25,7 +25,7 @@ use tyndall::medium::light::{Directional, Environment};
 use tyndall::medium::{Emission, Grid, Light, Medium, Noise, NoiseSettings, Optics, Phase, automatic};
 use tyndall::particles::{Particles, Radii};
 use tyndall::render::medium::{cache, march};
-use tyndall::scene::automatic::{Outliers, framing_of};
+use tyndall::scene::automatic::framing_of;
 use tyndall::scene::camera::{Camera, View};
 use tyndall::scene::outline::Outline;
 use tyndall::scene::short;
@@ -541,7 +541,7 @@ impl Job<'_> {
         };
         let radii = Radii::Uniform(2.0 * medium.density().spacing());
         let spheres = Spheres { particles, radii: &radii, radius_scale: 1.0 };
-        let outliers = if self.args.camera.frame_all { Outliers::Shown } else { Outliers::Left };
+        let outliers = self.args.camera.outliers();
         let framing = framing_of(spheres, outliers);
         (Outline::of(spheres, &framing), framing.description)
     }

@@ -3,7 +3,7 @@
 use tyndall::particles::{Particles, Radii};
 use tyndall::render::{Culling, Settings};
 use tyndall::scene::Scene;
-use tyndall::scene::automatic::{self, Outliers};
+use tyndall::scene::automatic;
 use tyndall::scene::camera::Camera;
 use tyndall::scene::color::{ParticleColors, resolve};
 use tyndall::scene::coloring::{Mapping, Norm, Range};
@@ -24,7 +24,7 @@ impl Job<'_> {
     /// Looks at the frames that stand for a sequence.
     pub(super) fn survey(&self, sequence: &Sequence) -> Outcome<Surveyed> {
         let look = &self.args.look;
-        let outliers = if self.args.camera.frame_all { Outliers::Shown } else { Outliers::Left };
+        let outliers = self.args.camera.outliers();
         let found = survey::of(self.args, sequence.len(), |number| {
             let particles = match self.parts(sequence, number) {
                 Some(parts) => parts.sample(self.report.progress())?,
@@ -34,7 +34,10 @@ impl Job<'_> {
                 Some(size) => size.apply(particles)?,
                 None => particles,
             };
-            let colors = resolve(&particles, &look.color, &look.mapping())?;
+            let range = match self.args.frames.fixed_range {
+                true => resolve(&particles, &look.color, &look.mapping())?.legend.as_ref().and_then(range_of),
+                false => None,
+            };
             let particles = match self.args.camera.frame_shown {
                 true => selection::keep(&self.args.selection, particles)?.0,
                 false => particles,
@@ -44,7 +47,6 @@ impl Job<'_> {
             let layers = self.sources.read(number, &[], self.report)?;
             let of_layers = layers.into_iter().map(|layer| layer.outline);
             let outlines = std::iter::once(Shown::of(spheres, outliers).outline).chain(of_layers);
-            let range = colors.legend.as_ref().and_then(range_of);
             Ok((Outline::joined(&outlines.collect::<Vec<_>>()), range))
         })?;
         let (outlines, ranges): (Vec<Outline>, Vec<_>) = found.into_iter().unzip();
@@ -55,7 +57,7 @@ impl Job<'_> {
             _ => a,
         };
         let range = ranges.into_iter().flatten().reduce(wider);
-        Ok(Surveyed { outlines, range: range.filter(|_| self.args.frames.fixed_range) })
+        Ok(Surveyed { outlines, range })
     }
 
     pub(super) fn radii(
@@ -106,7 +108,7 @@ impl Job<'_> {
         guesses: Option<&Guesses>,
         layers: &[sources::Frame],
     ) -> (Camera, Outline, String) {
-        let outliers = if self.args.camera.frame_all { Outliers::Shown } else { Outliers::Left };
+        let outliers = self.args.camera.outliers();
         let guessed = guesses.filter(|_| spheres.radius_scale == 1.0);
         let shown = guessed.map_or_else(|| Shown::of(spheres, outliers), |it| it.shown(outliers).clone());
         let Shown { framing, outline } = shown;
@@ -151,7 +153,7 @@ impl Job<'_> {
     /// The camera that frames what a scene shows, and the outline of that; none if nothing is shown. `around` are radii of the spheres around other shapes that stand in
     /// place of spheres.
     pub(super) fn shown(&self, scene: &Scene, around: Option<Radii>) -> Option<(Camera, Outline)> {
-        let outliers = if self.args.camera.frame_all { Outliers::Shown } else { Outliers::Left };
+        let outliers = self.args.camera.outliers();
         let least_radius = match around {
             Some(Radii::Uniform(radius)) => radius,
             _ => 0.0,

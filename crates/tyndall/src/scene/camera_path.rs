@@ -5,7 +5,7 @@ use std::str::FromStr;
 use glam::DVec3;
 
 use super::camera::{Camera, Projection};
-use super::viewpoint::direction;
+use super::viewpoint;
 use crate::error::{Error, Result};
 use crate::names::nearest;
 
@@ -44,9 +44,7 @@ impl FromStr for Key {
                 number.ok_or_else(|| wrong(format!("'{value}' is no number")))
             };
             let point = || {
-                let numbers: Option<Vec<f64>> =
-                    value.split(',').map(|it| it.parse().ok().filter(|it: &f64| it.is_finite())).collect();
-                let point = numbers.and_then(|it| <[f64; 3]>::try_from(it).ok()).map(DVec3::from_array);
+                let point = viewpoint::point(value);
                 point.ok_or_else(|| wrong(format!("'{value}' is no point X,Y,Z")))
             };
             match name {
@@ -54,7 +52,7 @@ impl FromStr for Key {
                 "eye" => key.eye = Some(point()?),
                 "look-at" => key.look_at = Some(point()?),
                 "up" => {
-                    let up = direction(value);
+                    let up = viewpoint::direction(value);
                     key.up = Some(
                         up.ok_or_else(|| wrong(format!("'{value}' is no direction such as z or X,Y,Z")))?,
                     );

@@ -6,7 +6,7 @@ use std::str::FromStr;
 use glam::DVec3;
 
 use super::select::{Filter, Selectable, present};
-use super::{grouped, short};
+use super::{grouped, short, viewpoint};
 use crate::error::{Error, Result};
 use crate::particles::Particles;
 use crate::periodic::{Placement, center};
@@ -28,10 +28,8 @@ impl FromStr for Center {
     /// Reads `X,Y,Z`, `densest` or a condition.
     fn from_str(text: &str) -> Result<Self> {
         let text = text.trim();
-        let numbers: Option<Vec<f64>> =
-            text.split(',').map(|part| part.trim().parse().ok().filter(|it: &f64| it.is_finite())).collect();
-        if let Some(point) = numbers.and_then(|it| <[f64; 3]>::try_from(it).ok()) {
-            return Ok(Self::Point(DVec3::from_array(point)));
+        if let Some(point) = viewpoint::point(text) {
+            return Ok(Self::Point(point));
         }
         if text.eq_ignore_ascii_case("densest") {
             return Ok(Self::Densest);

@@ -3,7 +3,7 @@
 use super::element::{Element, Elements, is_of_symbols};
 use super::kinds::types;
 use super::quantity::{Quantity, named, unknown};
-use crate::error;
+use crate::error::{self, Error};
 use crate::names::nearest;
 use crate::particles::{Attribute, Particles, View};
 
@@ -50,6 +50,16 @@ impl<'a> Meaning<'a> {
                 _ => Quantity::find(particles, &attribute.name, None).map(Self::Number),
             },
             None => Quantity::find(particles, plain, component).map(Self::Number),
+        }
+    }
+
+    /// The number of every particle that the text of a setting stands for. Fails as [`Quantity::find`] does, and if it stands for words, about that setting.
+    pub(super) fn number(particles: &'a Particles, setting: &str, text: &str) -> error::Result<Quantity<'a>> {
+        match Self::of(particles, text) {
+            Ok(Self::Number(quantity)) => Ok(quantity),
+            Ok(Self::Word(_)) => Err(Error::setting(setting, text, "a number: it stands for words")),
+            Err(Error::Setting { value, allowed, .. }) => Err(Error::setting(setting, value, allowed)),
+            Err(other) => Err(other),
         }
     }
 }

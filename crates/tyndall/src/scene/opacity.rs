@@ -16,18 +16,10 @@ pub fn opacities(particles: &Particles, text: &str) -> Result<Vec<f32>> {
     if let Ok(all) = text.trim().parse() {
         return Ok(vec![all; particles.len()]);
     }
-    let named = |error| match error {
-        Error::Setting { value, allowed, .. } => Error::setting("--opacity", value, allowed),
-        other => other,
-    };
-    match Meaning::of(particles, text).map_err(named)? {
-        Meaning::Word(_) => Err(Error::setting("--opacity", text, "a number: it stands for words")),
-        Meaning::Number(quantity) => {
-            let ids = (0..particles.len()).into_par_iter().with_min_len(1 << 14);
-            let opacity = |id| Some(quantity.value(id)).filter(|it| !it.is_nan()).unwrap_or(1.0);
-            Ok(ids.map(|id| opacity(id) as f32).collect())
-        }
-    }
+    let quantity = Meaning::number(particles, "--opacity", text)?;
+    let ids = (0..particles.len()).into_par_iter().with_min_len(1 << 14);
+    let opacity = |id| Some(quantity.value(id)).filter(|it| !it.is_nan()).unwrap_or(1.0);
+    Ok(ids.map(|id| opacity(id) as f32).collect())
 }
 
 impl Scene {

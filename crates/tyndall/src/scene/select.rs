@@ -12,6 +12,7 @@ use super::Scene;
 use super::expression::{Tree, Wanted};
 use super::meaning::{LISTED, Meaning, list, no_word};
 use super::statistics::short;
+use super::viewpoint::point;
 use crate::error::{Error, Result};
 use crate::particles::Particles;
 use crate::structure::selection::{Column, HalfSpace, Numbers, Rule};
@@ -256,11 +257,6 @@ fn shape(text: &str) -> Option<Shape> {
 
 fn finite(text: &str) -> Option<f64> {
     text.trim().parse().ok().filter(|it: &f64| it.is_finite())
-}
-
-fn point(text: &str) -> Option<DVec3> {
-    let numbers: Vec<f64> = text.split(',').map(finite).collect::<Option<_>>()?;
-    <[f64; 3]>::try_from(numbers).ok().map(DVec3::from_array)
 }
 
 impl Clip {

@@ -41,16 +41,7 @@ impl Size {
     /// Fails with [`Error::Setting`] if there is no such quantity, or it stands for words.
     pub fn apply(&self, particles: Particles) -> Result<Particles> {
         let Some(text) = self.quantity() else { return Ok(particles) };
-        let named = |error| match error {
-            Error::Setting { value, allowed, .. } => Error::setting("--radius", value, allowed),
-            other => other,
-        };
-        let quantity = match Meaning::of(&particles, text).map_err(named)? {
-            Meaning::Word(_) => {
-                return Err(Error::setting("--radius", text, "a number: it stands for words"));
-            }
-            Meaning::Number(quantity) => quantity,
-        };
+        let quantity = Meaning::number(&particles, "--radius", text)?;
         let is_itself = |it: &Attribute| it.components == 1 && it.name == text;
         if let Some(attribute) = particles.attributes().iter().position(is_itself) {
             return Ok(particles.sized(Radii::PerParticle { attribute, scale: 1.0 }));

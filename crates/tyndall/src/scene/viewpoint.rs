@@ -21,6 +21,8 @@ pub const DIRECTION: DVec3 = DVec3::new(-2.0, -1.3, -1.0);
 const SMALL_PX: f64 = 0.1;
 /// At most so many particles are looked at to find how small they are.
 const SAMPLES: usize = 1_000_000;
+/// And at so many to find which share of them is in view, as that is asked of every frame.
+const SHARE_SAMPLES: usize = 1 << 16;
 
 /// A side to look from, or the default.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -69,6 +71,11 @@ pub fn direction(text: &str) -> Option<DVec3> {
     if let Some(axis) = axis(text.strip_prefix(['+', '-']).unwrap_or(text)) {
         return Some(if text.starts_with('-') { -axis } else { axis });
     }
+    point(text)
+}
+
+/// A point as users write it: three finite numbers `X,Y,Z`.
+pub fn point(text: &str) -> Option<DVec3> {
     let numbers: Option<Vec<f64>> =
         text.split(',').map(|part| part.trim().parse().ok().filter(|it: &f64| it.is_finite())).collect();
     <[f64; 3]>::try_from(numbers?).ok().map(DVec3::from_array)
@@ -237,7 +244,7 @@ pub fn too_small(spheres: Spheres, view: &View) -> Option<String> {
 
 /// Which share of the particles is in view, by their centers; 1 without particles. Looks at a sample of them.
 pub fn share_in_view(particles: &Particles, view: &View) -> f64 {
-    let ids = sampled_ids(particles.len(), SAMPLES);
+    let ids = sampled_ids(particles.len(), SHARE_SAMPLES);
     let is_seen = |id: usize| size_in_view((particles.positions().offset(id), 0.0), view).is_some();
     let (seen, all) =
         ids.map(|id| (usize::from(is_seen(id)), 1_usize)).reduce(|| (0, 0), |a, b| (a.0 + b.0, a.1 + b.1));
